@@ -1,0 +1,224 @@
+"""Every type that crosses a stage of the flow: frozen, slotted, with unit and frame in the field's name.
+
+World frame: local NED. Body frame: FRD. Quaternions are Hamilton ``[w, x, y, z]``, body to world (``attitude_wb``).
+Vectors are plain tuples of floats: immutable, and ten times as fast as numpy on three numbers.
+Times named ``*_s`` are seconds of the event loop's clock unless the name says otherwise (``stamp_us`` is the
+autopilot's clock).
+"""
+
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+
+Vec3 = tuple[float, float, float]
+Quat = tuple[float, float, float, float]
+
+ZERO3: Vec3 = (0.0, 0.0, 0.0)
+IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
+GRAVITY_M_S2 = 9.80665
+
+
+class FlightMode(Enum):
+    """Flight modes of the autopilot, by the names that PX4's documentation uses."""
+
+    UNKNOWN = "unknown"
+    MANUAL = "manual"
+    ALTITUDE = "altitude"
+    POSITION = "position"
+    ACRO = "acro"
+    STABILIZED = "stabilized"
+    OFFBOARD = "offboard"
+    READY = "ready"
+    TAKEOFF = "takeoff"
+    HOLD = "hold"
+    MISSION = "mission"
+    RETURN = "return"
+    LAND = "land"
+    FOLLOW = "follow"
+    PRECISION_LAND = "precision_land"
+    ORBIT = "orbit"
+    EXTERNAL = "external"
+
+
+class LandedState(IntEnum):
+    """MAV_LANDED_STATE."""
+
+    UNDEFINED = 0
+    ON_GROUND = 1
+    IN_AIR = 2
+    TAKEOFF = 3
+    LANDING = 4
+
+
+class SystemStatus(IntEnum):
+    """MAV_STATE; CRITICAL means that a failsafe of the autopilot acts."""
+
+    UNINIT = 0
+    BOOT = 1
+    CALIBRATING = 2
+    STANDBY = 3
+    ACTIVE = 4
+    CRITICAL = 5
+    EMERGENCY = 6
+    POWEROFF = 7
+    FLIGHT_TERMINATION = 8
+
+
+class MavFrame(IntEnum):
+    """The MAV_FRAME values that ODOMETRY may carry and that we understand."""
+
+    LOCAL_NED = 1
+    BODY_NED = 8
+    BODY_FRD = 12
+    LOCAL_FRD = 20
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Odometry:
+    """One ODOMETRY message as it came: nothing checked, nothing rotated.
+
+    ``velocity_m_s`` is in the frame that ``child_frame_id`` names (PX4: LOCAL_NED; others: BODY_FRD).
+    Variances are the diagonals of the message's covariances; NaN where the autopilot does not know.
+    """
+
+    stamp_us: int
+    arrival_s: float
+    frame_id: int
+    child_frame_id: int
+    position_m: Vec3
+    velocity_m_s: Vec3
+    attitude_wb: Quat
+    rates_frd_rad_s: Vec3
+    position_variance_m2: Vec3
+    velocity_variance_m2_s2: Vec3
+    reset_counter: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Imu:
+    """One HIGHRES_IMU message: specific force (reads -g at rest), angular rate, magnetic field."""
+
+    stamp_us: int
+    arrival_s: float
+    specific_force_frd_m_s2: Vec3
+    rates_frd_rad_s: Vec3
+    magnetic_field_frd_gauss: Vec3
+
+
+@dataclass(frozen=True, slots=True)
+class GlobalPosition:
+    """WGS84 position: degrees, and metres above mean sea level."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class ModeRefusal:
+    """The autopilot refused a mode that we asked for: which, why in words, and when (loop clock)."""
+
+    mode: FlightMode
+    reason: str
+    time_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class AutopilotStatus:
+    """What the autopilot says of itself, newest of each message; ``heartbeat_s`` is the last HEARTBEAT's arrival.
+
+    ``mode`` is the newest of CURRENT_MODE, HEARTBEAT and EVENT. ``boot_count`` steps when the autopilot rebooted.
+    """
+
+    connected: bool = False
+    heartbeat_s: float = float("-inf")
+    mode: FlightMode = FlightMode.UNKNOWN
+    intended_mode: FlightMode = FlightMode.UNKNOWN
+    armed: bool = False
+    landed: LandedState = LandedState.UNDEFINED
+    system_status: SystemStatus = SystemStatus.UNINIT
+    battery_fraction: float | None = None
+    global_position: GlobalPosition | None = None
+    home: GlobalPosition | None = None
+    global_origin: GlobalPosition | None = None
+    home_ned_m: Vec3 | None = None
+    boot_count: int = 0
+    mode_refusal: ModeRefusal | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EstimatedState:
+    """The vehicle at ``time_s``. ``position_variance_m2`` is the largest of the three axes."""
+
+    time_s: float
+    position_ned_m: Vec3
+    velocity_ned_m_s: Vec3
+    attitude_wb: Quat
+    rates_frd_rad_s: Vec3
+    position_variance_m2: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reset:
+    """A jump of the autopilot's estimate that is not motion: what it is called and by how much (new minus old).
+
+    ``kinds`` is a subset of velocity_ne, velocity_d, position_ne, position_d, heading.
+    ``truth_returned``: the numbers after it are the true ones (a lost position came back), see the reset policy.
+    """
+
+    time_s: float
+    kinds: frozenset[str]
+    position_ned_m: Vec3 = ZERO3
+    velocity_ned_m_s: Vec3 = ZERO3
+    yaw_rad: float = 0.0
+    truth_returned: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameShift:
+    """Sum of all resets so far: what a number of the world frame of the beginning is called now.
+
+    ``count`` steps with each reset. ``velocity_ned_m_s`` is the sum of the velocity resets.
+    A ``ReferenceWindow`` carries the shift under which it was planned; the difference is applied when it is sampled.
+    """
+
+    count: int = 0
+    time_s: float = float("-inf")
+    position_ned_m: Vec3 = ZERO3
+    velocity_ned_m_s: Vec3 = ZERO3
+    yaw_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reference:
+    """Where the vehicle is wanted at ``time_s``: flat outputs and their derivatives."""
+
+    time_s: float
+    position_ned_m: Vec3
+    velocity_ned_m_s: Vec3 = ZERO3
+    acceleration_ned_m_s2: Vec3 = ZERO3
+    jerk_ned_m_s3: Vec3 = ZERO3
+    yaw_rad: float = 0.0
+    yaw_rate_rad_s: float = 0.0
+
+
+WINDOW_SPACING_S = 0.01
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReferenceWindow:
+    """The reference of the next half second and more, at ``WINDOW_SPACING_S``; immutable, published by guidance.
+
+    ``goal_id`` is None when the vehicle merely holds. ``shift`` is the frame in which it was planned.
+    """
+
+    goal_id: str | None
+    samples: tuple[Reference, ...]
+    shift: FrameShift
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Setpoint:
+    """What PX4 flies: body rates (FRD) and collective thrust, 0 to 1 of the normalized command."""
+
+    rates_frd_rad_s: Vec3
+    thrust: float
