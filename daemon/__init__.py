@@ -1,0 +1,1 @@
+"""flightd: flight-control service for PX4 drones."""

@@ -1,0 +1,1 @@
+"""From state and reference to body rates and thrust; pure."""

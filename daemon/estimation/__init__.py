@@ -1,0 +1,1 @@
+"""From telemetry to the state at the moment a command acts; pure."""

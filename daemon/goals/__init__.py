@@ -1,0 +1,1 @@
+"""The goal socket: protocol without I/O, mailbox, server, client."""

@@ -1,0 +1,1 @@
+"""Control, trajectory and health tasks and the grid they run on."""

@@ -1,0 +1,1 @@
+"""Flight record and report."""

@@ -1,0 +1,1 @@
+"""Whether a setpoint may leave: conditions, supervisor table, geofence, dead-man."""

@@ -1,0 +1,1 @@
+"""A simulated PX4: vehicle physics, behaviour, MAVLink end, faults."""
