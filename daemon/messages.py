@@ -222,3 +222,21 @@ class Setpoint:
 
     rates_frd_rad_s: Vec3
     thrust: float
+
+
+class RequestKind(Enum):
+    """What a person may ask of the vehicle and the supervisor has to see."""
+
+    ENGAGE = "engage"
+    HOLD = "hold"
+    LAND = "land"
+    RETURN = "return"
+    TAKEOFF = "takeoff"
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleRequest:
+    """A request, taken once: ``serial`` steps with each."""
+
+    serial: int
+    kind: RequestKind

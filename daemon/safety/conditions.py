@@ -1,0 +1,187 @@
+"""What the supervisor's table looks at: named yes/no facts with bounds and hysteresis; pure."""
+
+from dataclasses import dataclass, field, replace
+from math import inf
+
+from daemon.frames import norm, tilt_of
+from daemon.messages import (
+    AutopilotStatus,
+    EstimatedState,
+    FlightMode,
+    LandedState,
+    SystemStatus,
+)
+from daemon.safety.geofence import Geofence, excess_m
+
+LANDING_MODES = frozenset({FlightMode.LAND, FlightMode.RETURN, FlightMode.PRECISION_LAND})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bounds:
+    """Bounds of the conditions.
+
+    A condition comes after its ``*_for_s`` without a break and goes below ``hysteresis`` times the bound.
+
+    ``coast_s``: the law flies on prediction up to this age of the state; beyond ``lost_s`` the vehicle is released.
+    ``tilt_rad`` and ``speed_m_s`` are the vehicle's, not the command's. ``battery_fraction`` 0 switches that one off.
+    """
+
+    coast_s: float = 0.2
+    lost_s: float = 0.5
+    position_variance_m2: float = 0.3
+    attitude_disagreement_rad: float = 0.26
+    attitude_disagreement_for_s: float = 2.0
+    tilt_rad: float = 1.3
+    tilt_for_s: float = 0.3
+    speed_m_s: float = 20.0
+    speed_for_s: float = 0.5
+    battery_fraction: float = 0.0
+    battery_for_s: float = 5.0
+    hysteresis: float = 0.8
+    fence: Geofence = field(default_factory=Geofence)
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """One tick's facts: the newest accepted state and its age, the tilt cross-check's angle, and the rest by name."""
+
+    status: AutopilotStatus
+    state: EstimatedState | None = None
+    age_s: float = inf
+    position_variance_m2: float = 0.0
+    disagreement_rad: float = 0.0
+    truth_returned: bool = False
+    goal_active: bool = False
+    latched: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """The facts as the table names them; those about requests are filled in by the supervision."""
+
+    link: bool = False
+    rebooted: bool = False
+    armed: bool = False
+    in_flight: bool = False
+    landed: bool = False
+    failsafe: bool = False
+    offboard: bool = False
+    hold: bool = False
+    takeoff: bool = False
+    landing: bool = False
+    engageable: bool = False
+    state_usable: bool = False
+    estimate_lost: bool = True
+    estimate_poor: bool = False
+    truth_returned: bool = False
+    attitude_disagrees: bool = False
+    tilt_excess: bool = False
+    speed_excess: bool = False
+    fence_breached: bool = False
+    battery_low: bool = False
+    goal_active: bool = False
+    latched: bool = False
+    engage_asked: bool = False
+    release_asked: bool = False
+    hold_confirmed: bool = False
+    landing_confirmed: bool = False
+    takeoff_confirmed: bool = False
+    release_confirmed: bool = False
+    engage_over: bool = False
+    release_over: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Lasting:
+    """Memory of one bound with hysteresis: since when it is exceeded (inf: it is not), and whether it counts."""
+
+    since_s: float = inf
+    active: bool = False
+
+
+def lasting(memory: Lasting, value: float, bound: float, for_s: float, now_s: float, hysteresis: float) -> Lasting:
+    """Active once ``value`` exceeded ``bound`` for ``for_s``, until below hysteresis times it. NaN exceeds."""
+    limit = bound * hysteresis if memory.active else bound
+    if value <= limit:
+        return Lasting()
+    since = min(memory.since_s, now_s)
+    return Lasting(since, memory.active or now_s - since >= for_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Memory:
+    """Hysteresis of all bounds, and the autopilot's boot count at the last tick."""
+
+    boot_count: int | None = None
+    variance: Lasting = Lasting()
+    disagreement: Lasting = Lasting()
+    tilt: Lasting = Lasting()
+    speed: Lasting = Lasting()
+    battery: Lasting = Lasting()
+
+
+def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds) -> tuple[Memory, Conditions]:
+    """The conditions of this tick, without those about requests."""
+    memory = _remember(memory, facts, now_s, bounds)
+    status = facts.status
+    mode = status.mode
+    in_flight = status.armed and status.landed is not LandedState.ON_GROUND
+    critical = status.system_status >= SystemStatus.CRITICAL
+    differs = FlightMode.UNKNOWN is not status.intended_mode is not mode is not FlightMode.UNKNOWN
+    hold = mode is FlightMode.HOLD
+    usable = facts.state is not None and facts.age_s <= bounds.coast_s
+    return memory, Conditions(
+        link=status.connected,
+        armed=status.armed,
+        in_flight=in_flight,
+        landed=status.landed is LandedState.ON_GROUND,
+        failsafe=mode is not FlightMode.OFFBOARD and (critical or differs),
+        offboard=mode is FlightMode.OFFBOARD,
+        hold=hold,
+        takeoff=mode is FlightMode.TAKEOFF,
+        landing=mode in LANDING_MODES,
+        engageable=hold
+        and status.armed
+        and status.landed is LandedState.IN_AIR
+        and status.system_status is SystemStatus.ACTIVE
+        and not differs
+        and usable
+        and not memory.variance.active,
+        state_usable=usable,
+        estimate_lost=facts.age_s > bounds.lost_s,
+        estimate_poor=memory.variance.active,
+        truth_returned=facts.truth_returned,
+        attitude_disagrees=memory.disagreement.active,
+        tilt_excess=memory.tilt.active,
+        speed_excess=memory.speed.active,
+        fence_breached=facts.state is not None
+        and excess_m(bounds.fence, facts.state.position_ned_m) > bounds.fence.hard_margin_m,
+        battery_low=memory.battery.active,
+        goal_active=facts.goal_active,
+        latched=facts.latched,
+    )
+
+
+def _remember(memory: Memory, facts: Facts, now_s: float, bounds: Bounds) -> Memory:
+    state = facts.state
+    battery = facts.status.battery_fraction
+    shortage = bounds.battery_fraction - battery if battery is not None and bounds.battery_fraction > 0.0 else 0.0
+    keep = bounds.hysteresis
+
+    def over(last: Lasting, value: float, bound: float, for_s: float) -> Lasting:
+        return lasting(last, value, bound, for_s, now_s, keep)
+
+    return replace(
+        memory,
+        boot_count=facts.status.boot_count,
+        variance=over(memory.variance, facts.position_variance_m2, bounds.position_variance_m2, 0.0),
+        disagreement=over(
+            memory.disagreement,
+            facts.disagreement_rad,
+            bounds.attitude_disagreement_rad,
+            bounds.attitude_disagreement_for_s,
+        ),
+        tilt=over(memory.tilt, tilt_of(state.attitude_wb) if state else 0.0, bounds.tilt_rad, bounds.tilt_for_s),
+        speed=over(memory.speed, norm(state.velocity_ned_m_s) if state else 0.0, bounds.speed_m_s, bounds.speed_for_s),
+        battery=over(memory.battery, shortage, 0.0, bounds.battery_for_s),
+    )

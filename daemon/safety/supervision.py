@@ -1,0 +1,176 @@
+"""Runs the supervisor's table each tick: requests, time limits, and the mode commands that follow; pure.
+
+Engage: setpoints that match the vehicle for ``match_s``, then OFFBOARD is asked for, again after each refusal, until
+``engage_s``. Release: setpoints go on while Hold (or Land, Return) is asked for; refused or not confirmed after
+``confirm_s`` it is Land; that too: level for ``level_s``, then silence, so that the autopilot's own failsafe starts
+from level.
+"""
+
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from math import inf
+
+from daemon.messages import AutopilotStatus, FlightMode, RequestKind, VehicleRequest
+from daemon.safety.conditions import Bounds, Conditions, Facts, Memory, evaluate
+from daemon.safety.supervisor import FLYING, OURS, State, next_row
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timing:
+    """Time limits of engage and release, seconds."""
+
+    match_s: float = 0.2
+    engage_s: float = 2.0
+    retry_s: float = 0.2
+    confirm_s: float = 0.3
+    level_s: float = 0.2
+    request_s: float = 3.0
+
+
+class Drive(Enum):
+    """What leaves this tick: nothing, the vehicle as it is, the control law, or levelling."""
+
+    SILENT = "silent"
+    MATCH = "match"
+    LAW = "law"
+    LEVEL = "level"
+
+
+@dataclass(frozen=True, slots=True)
+class Supervision:
+    """State of the supervisor. ``asked_mode`` is the mode that we asked the autopilot for and have not seen yet."""
+
+    state: State = State.DISCONNECTED
+    since_s: float = -inf
+    reason: str = "start"
+    serial: int = 0
+    asked_mode: FlightMode | None = None
+    asked_s: float = -inf
+    asks: int = 0
+    lost_while_ours: bool = False
+    memory: Memory = field(default_factory=Memory)
+
+
+def step(
+    supervision: Supervision,
+    facts: Facts,
+    request: VehicleRequest | None,
+    now_s: float,
+    *,
+    bounds: Bounds,
+    timing: Timing,
+) -> tuple[Supervision, Conditions, tuple[FlightMode, ...]]:
+    """One tick: the new supervision, the conditions it saw, and the modes to ask the autopilot for, in order."""
+    rebooted = supervision.memory.boot_count not in (None, facts.status.boot_count)
+    memory, conditions = evaluate(supervision.memory, facts, now_s, bounds)
+    supervision = replace(supervision, memory=memory)
+    fresh = request if request is not None and request.serial != supervision.serial else None
+    conditions = _with_requests(supervision, replace(conditions, rebooted=rebooted), facts.status, fresh, now_s, timing)
+    modes: tuple[FlightMode, ...] = ()
+    if fresh is not None:
+        supervision = replace(supervision, serial=fresh.serial)
+        supervision, modes = _ask_without_flying(supervision, fresh, now_s)
+    row = next_row(supervision.state, conditions)
+    if row is not None:
+        supervision, more = _enter(supervision, row.to, row.reason, fresh, now_s)
+        return supervision, conditions, modes + more
+    supervision, more = _continue(supervision, facts.status, now_s, timing)
+    return supervision, conditions, modes + more
+
+
+def drive(supervision: Supervision, conditions: Conditions) -> Drive:
+    """What may leave in this state under these conditions."""
+    if supervision.state not in OURS:
+        return Drive.SILENT
+    if supervision.state is State.ENGAGING:
+        return Drive.MATCH
+    trusted = conditions.state_usable and not conditions.estimate_poor and not conditions.attitude_disagrees
+    if trusted or (supervision.state in FLYING and conditions.state_usable):
+        return Drive.LAW
+    return Drive.LEVEL
+
+
+def _with_requests(
+    supervision: Supervision,
+    conditions: Conditions,
+    status: AutopilotStatus,
+    fresh: VehicleRequest | None,
+    now_s: float,
+    timing: Timing,
+) -> Conditions:
+    kind = fresh.kind if fresh else None
+    elapsed = now_s - supervision.since_s
+    asked = supervision.asked_mode
+    pending = asked is not None and now_s - supervision.asked_s <= timing.request_s
+    confirmed = pending and status.mode is asked
+    release_s = 2.0 * timing.confirm_s + timing.level_s
+    return replace(
+        conditions,
+        engage_asked=kind is RequestKind.ENGAGE,
+        release_asked=kind in (RequestKind.HOLD, RequestKind.LAND, RequestKind.RETURN),
+        hold_confirmed=confirmed and asked is FlightMode.HOLD and conditions.in_flight,
+        landing_confirmed=confirmed and asked in (FlightMode.LAND, FlightMode.RETURN) and conditions.in_flight,
+        takeoff_confirmed=confirmed and asked is FlightMode.TAKEOFF and conditions.armed,
+        release_confirmed=supervision.state is State.RELEASING and confirmed,
+        engage_over=elapsed > timing.engage_s,
+        release_over=elapsed > release_s,
+    )
+
+
+_MODE_OF = {
+    RequestKind.HOLD: FlightMode.HOLD,
+    RequestKind.LAND: FlightMode.LAND,
+    RequestKind.RETURN: FlightMode.RETURN,
+    RequestKind.TAKEOFF: FlightMode.TAKEOFF,
+}
+
+
+def _ask_without_flying(
+    supervision: Supervision, request: VehicleRequest, now_s: float
+) -> tuple[Supervision, tuple[FlightMode, ...]]:
+    """A mode asked for while the vehicle is not ours. Take-off is commanded by whoever asks: it carries a height."""
+    mode = _MODE_OF.get(request.kind)
+    if mode is None or supervision.state in OURS or supervision.state is State.DISCONNECTED:
+        return supervision, ()
+    supervision = replace(supervision, asked_mode=mode, asked_s=now_s)
+    return supervision, () if mode is FlightMode.TAKEOFF else (mode,)
+
+
+def _enter(
+    supervision: Supervision, state: State, reason: str, fresh: VehicleRequest | None, now_s: float
+) -> tuple[Supervision, tuple[FlightMode, ...]]:
+    was_ours = supervision.state in OURS
+    supervision = replace(supervision, state=state, since_s=now_s, reason=reason, asked_mode=None, asked_s=-inf, asks=0)
+    if state is State.RELEASING:
+        mode = _MODE_OF[fresh.kind] if fresh is not None and fresh.kind in _MODE_OF else FlightMode.HOLD
+        return replace(supervision, asked_mode=mode, asked_s=now_s, asks=1), (mode,)
+    if state is State.READY and reason in ("engage_refused", "estimate_lost"):
+        # An OFFBOARD that was asked for may still take effect.
+        return replace(supervision, asked_mode=FlightMode.HOLD, asked_s=now_s), (FlightMode.HOLD,)
+    if state is State.DISCONNECTED and was_ours:
+        # Nothing is heard, but the autopilot may still hear us.
+        return replace(supervision, lost_while_ours=True), (FlightMode.HOLD,)
+    if supervision.lost_while_ours and state is not State.DISCONNECTED:
+        supervision = replace(supervision, lost_while_ours=False)
+        if state is State.PILOT:
+            return replace(supervision, asked_mode=FlightMode.HOLD, asked_s=now_s), (FlightMode.HOLD,)
+    return supervision, ()
+
+
+def _continue(
+    supervision: Supervision, status: AutopilotStatus, now_s: float, timing: Timing
+) -> tuple[Supervision, tuple[FlightMode, ...]]:
+    elapsed = now_s - supervision.since_s
+    refusal = status.mode_refusal
+    refused = refusal is not None and refusal.mode is supervision.asked_mode and refusal.time_s >= supervision.asked_s
+    if supervision.state is State.ENGAGING:
+        due = supervision.asks == 0 or (refused and now_s - supervision.asked_s >= timing.retry_s)
+        if elapsed >= timing.match_s and due:
+            return _ask(supervision, FlightMode.OFFBOARD, now_s)
+    if supervision.state is State.RELEASING and supervision.asks == 1 and (refused or elapsed > timing.confirm_s):
+        return _ask(supervision, FlightMode.LAND, now_s)
+    return supervision, ()
+
+
+def _ask(supervision: Supervision, mode: FlightMode, now_s: float) -> tuple[Supervision, tuple[FlightMode, ...]]:
+    return replace(supervision, asked_mode=mode, asked_s=now_s, asks=supervision.asks + 1), (mode,)

@@ -1,0 +1,125 @@
+"""The supervisor: a table of (state, conditions) -> state, pure; it decides whether a setpoint may leave at all.
+
+The table is data: each row names the states it starts from, the conditions that must all hold (``!`` negates),
+the state it leads to and the reason that people are told. The first row that fits is taken, one row a tick.
+Take-off, landing and return are the autopilot's own modes; what the daemon flies itself are the states of ``OURS``.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from daemon.safety.conditions import Conditions
+
+
+class State(Enum):
+    """Who has the vehicle, and what it is doing."""
+
+    DISCONNECTED = "disconnected"
+    STANDBY = "standby"
+    TAKING_OFF = "taking_off"
+    READY = "ready"
+    ENGAGING = "engaging"
+    HOLDING = "holding"
+    TRACKING = "tracking"
+    RELEASING = "releasing"
+    LANDING = "landing"
+    PILOT = "pilot"
+    FAULT = "fault"
+
+
+_S = State
+OURS = frozenset({_S.ENGAGING, _S.HOLDING, _S.TRACKING, _S.RELEASING})
+FLYING = frozenset({_S.HOLDING, _S.TRACKING})
+_CONNECTED = frozenset(State) - {_S.DISCONNECTED}
+_WATCHING = frozenset({_S.STANDBY, _S.TAKING_OFF, _S.READY, _S.LANDING, _S.PILOT, _S.FAULT})
+_AUTOPILOT_FLIES = frozenset({_S.TAKING_OFF, _S.READY, _S.LANDING})
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """From any of ``states``, when all of ``when`` hold, to ``to`` for ``reason``."""
+
+    states: frozenset[State]
+    when: tuple[str, ...]
+    to: State
+    reason: str
+
+
+TABLE: tuple[Row, ...] = (
+    # The dead-man and the link come first: nothing may be sent after a gap.
+    Row(OURS, ("latched",), _S.FAULT, "control_stalled"),
+    Row(_CONNECTED, ("!link",), _S.DISCONNECTED, "link_lost"),
+    Row(_CONNECTED, ("rebooted",), _S.STANDBY, "autopilot_rebooted"),
+    Row(frozenset({_S.DISCONNECTED}), ("link", "in_flight"), _S.PILOT, "found_flying"),
+    Row(frozenset({_S.DISCONNECTED}), ("link",), _S.STANDBY, "connected"),
+    # The vehicle is no longer ours, whatever we are doing: silent at once.
+    Row(OURS, ("!armed",), _S.STANDBY, "disarmed"),
+    Row(OURS, ("failsafe",), _S.FAULT, "autopilot_failsafe"),
+    Row(FLYING, ("!offboard",), _S.PILOT, "pilot_override"),
+    Row(frozenset({_S.ENGAGING}), ("!offboard", "!hold"), _S.PILOT, "pilot_override"),
+    Row(frozenset({_S.RELEASING}), ("release_confirmed", "hold"), _S.READY, "released"),
+    Row(frozenset({_S.RELEASING}), ("release_confirmed",), _S.LANDING, "released_to_land"),
+    Row(frozenset({_S.RELEASING}), ("!offboard", "hold"), _S.READY, "released"),
+    Row(frozenset({_S.RELEASING}), ("!offboard",), _S.PILOT, "pilot_override"),
+    Row(frozenset({_S.RELEASING}), ("release_over",), _S.FAULT, "release_failed"),
+    # Engaging is bounded, and ends where it came from.
+    Row(frozenset({_S.ENGAGING}), ("offboard", "state_usable"), _S.HOLDING, "engaged"),
+    Row(frozenset({_S.ENGAGING}), ("offboard",), _S.RELEASING, "estimate_lost"),
+    Row(frozenset({_S.ENGAGING}), ("engage_over",), _S.READY, "engage_refused"),
+    Row(frozenset({_S.ENGAGING}), ("!state_usable",), _S.READY, "estimate_lost"),
+    Row(frozenset({_S.ENGAGING}), ("release_asked",), _S.RELEASING, "requested"),
+    # What makes us give the vehicle back.
+    Row(FLYING, ("release_asked",), _S.RELEASING, "requested"),
+    Row(FLYING, ("estimate_lost",), _S.RELEASING, "estimate_lost"),
+    Row(FLYING, ("estimate_poor",), _S.RELEASING, "estimate_poor"),
+    Row(FLYING, ("truth_returned",), _S.RELEASING, "position_reset"),
+    Row(FLYING, ("attitude_disagrees",), _S.RELEASING, "attitude_disagreement"),
+    Row(FLYING, ("tilt_excess",), _S.RELEASING, "tilt_excess"),
+    Row(FLYING, ("speed_excess",), _S.RELEASING, "speed_excess"),
+    Row(FLYING, ("fence_breached",), _S.RELEASING, "geofence"),
+    Row(FLYING, ("landed",), _S.RELEASING, "landed"),
+    Row(FLYING, ("battery_low",), _S.RELEASING, "battery_low"),
+    Row(frozenset({_S.HOLDING}), ("goal_active",), _S.TRACKING, "goal"),
+    Row(frozenset({_S.TRACKING}), ("!goal_active",), _S.HOLDING, "no_goal"),
+    # Requests while the autopilot flies or waits.
+    Row(frozenset({_S.READY, _S.PILOT, _S.FAULT}), ("engage_asked", "engageable"), _S.ENGAGING, "requested"),
+    Row(_WATCHING - {_S.READY}, ("hold_confirmed",), _S.READY, "requested"),
+    Row(_WATCHING - {_S.LANDING}, ("landing_confirmed",), _S.LANDING, "requested"),
+    Row(_WATCHING - {_S.TAKING_OFF}, ("takeoff_confirmed",), _S.TAKING_OFF, "requested"),
+    # What the autopilot does by itself.
+    Row(_AUTOPILOT_FLIES | {_S.PILOT, _S.FAULT}, ("!armed",), _S.STANDBY, "disarmed"),
+    Row(_AUTOPILOT_FLIES | {_S.PILOT}, ("failsafe", "in_flight"), _S.FAULT, "autopilot_failsafe"),
+    Row(frozenset({_S.TAKING_OFF}), ("hold", "in_flight"), _S.READY, "taken_off"),
+    Row(frozenset({_S.TAKING_OFF}), ("!takeoff", "!hold"), _S.PILOT, "pilot_override"),
+    Row(frozenset({_S.READY}), ("!hold",), _S.PILOT, "pilot_override"),
+    Row(frozenset({_S.LANDING}), ("!landing",), _S.PILOT, "pilot_override"),
+    Row(frozenset({_S.STANDBY}), ("in_flight",), _S.PILOT, "pilot_takeoff"),
+)
+
+
+_ROWS_OF = {state: tuple(row for row in TABLE if state in row.states) for state in State}
+
+
+def next_row(state: State, conditions: Conditions) -> Row | None:
+    """The first row of the table that fits, or None when the state stays."""
+    for row in _ROWS_OF[state]:
+        if all(_holds(conditions, name) for name in row.when):
+            return row
+    return None
+
+
+def _holds(conditions: Conditions, name: str) -> bool:
+    if name[0] == "!":
+        return not getattr(conditions, name[1:])
+    return bool(getattr(conditions, name))
+
+
+def to_mermaid() -> str:
+    """The table as a Mermaid state diagram, for the documentation."""
+    edges: dict[tuple[str, str], list[str]] = {}
+    for row in TABLE:
+        for state in sorted(row.states, key=lambda s: s.value):
+            if state is not row.to:
+                edges.setdefault((state.value, row.to.value), []).append(row.reason)
+    lines = [f"    {a} --> {b}: {', '.join(dict.fromkeys(reasons))}" for (a, b), reasons in edges.items()]
+    return "\n".join(["stateDiagram-v2", "    [*] --> disconnected", *lines])
