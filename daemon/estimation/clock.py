@@ -1,0 +1,143 @@
+"""The autopilot's clock in seconds of ours: lower envelope of arrival minus stamp.
+
+The sample that was quickest on its way defines the offset; all others are late by their excess over it, their lag.
+The envelope falls to a quicker sample at once and rises by the estimated drift and a little more, so that it follows a
+clock that runs slow (a simulated autopilot: 1-2 %). A lag that appears from one sample to the next and then stays is a
+step of the clock (a simulation that stood still, a reboot); a lag that comes gradually or drains is the link.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockParameters:
+    """How the clocks are compared.
+
+    ``telemetry_latency_s``: age of the quickest sample, which no envelope sees. Measured on ODOMETRY against the
+    quickest TIMESYNC: 5 ms, plus what TIMESYNC itself takes; with it the age is 13 ms in the median.
+    ``drift_margin``: rise of the envelope beyond the drift, in seconds a second; ``drift_max`` bounds the drift.
+    ``drift_window_s``: the drift is the slope between the lowest offsets of such windows, low-passed over
+    ``drift_smoothing`` windows.
+    ``step_s``: a lag that comes at once and is larger may be a step; it is one after ``step_samples`` samples that
+    agree within ``agreement_s``. Samples that are early or out of order by more than ``ahead_s`` wait for that too.
+    """
+
+    telemetry_latency_s: float = 0.008
+    drift_margin: float = 0.005
+    drift_max: float = 0.03
+    drift_window_s: float = 1.0
+    drift_smoothing: float = 4.0
+    step_s: float = 0.02
+    step_samples: int = 5
+    agreement_s: float = 0.01
+    ahead_s: float = 0.3
+
+
+class Verdict(Enum):
+    """What the clock says of a stamp."""
+
+    GOOD = "good"
+    BACKWARDS = "backwards"
+    REPEATED = "repeated"
+    AHEAD = "ahead"
+    STEPPED = "stepped"
+    REBOOTED = "rebooted"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClockState:
+    """``offset_s``: loop time minus autopilot time at ``stamp_us``; the rest is the memory of drift and step.
+
+    ``candidate_*``: the offset that a run of ``candidate_count`` samples agrees on but the envelope does not.
+    """
+
+    stamp_us: int
+    offset_s: float
+    drift: float
+    window_stamp_us: int
+    window_low_s: float
+    window_before_s: float | None
+    lag_s: float
+    candidate_s: float
+    candidate_count: int
+
+
+def started(stamp_us: int, offset_s: float, drift: float) -> ClockState:
+    """A clock that knows one sample."""
+    return ClockState(stamp_us, offset_s, drift, stamp_us, offset_s, None, 0.0, 0.0, 0)
+
+
+def observe(
+    state: ClockState | None, stamp_us: int, arrival_s: float, *, parameters: ClockParameters
+) -> tuple[ClockState, Verdict]:
+    """The clock after a message stamped ``stamp_us`` came at ``arrival_s``, and what to think of the stamp.
+
+    STEPPED and REBOOTED: the stamp is good by a clock that has just been set anew.
+    """
+    observed = arrival_s - stamp_us * 1e-6
+    if state is None:
+        return started(stamp_us, observed, 0.0), Verdict.GOOD
+    if stamp_us == state.stamp_us:
+        return state, Verdict.REPEATED
+    dt = (stamp_us - state.stamp_us) * 1e-6
+    offset = state.offset_s + (state.drift + parameters.drift_margin) * max(0.0, dt)
+    lag = observed - offset
+    orderly = dt > 0.0 and lag >= -parameters.ahead_s
+    onset = lag - state.lag_s > 0.75 * parameters.step_s and lag > parameters.step_s
+    if not orderly or state.candidate_count > 0 or onset:
+        state, verdict = _candidate(state, stamp_us, observed, lag, parameters)
+        if verdict is not Verdict.GOOD or not orderly:
+            return state, verdict
+    return _followed(state, stamp_us, observed, min(offset, observed), parameters), Verdict.GOOD
+
+
+def _candidate(
+    state: ClockState, stamp_us: int, observed: float, lag: float, parameters: ClockParameters
+) -> tuple[ClockState, Verdict]:
+    """Count the samples that agree on another offset; enough of them set the clock."""
+    apart = abs(lag) > parameters.step_s
+    agrees = state.candidate_count > 0 and abs(observed - state.candidate_s) <= parameters.agreement_s
+    count = state.candidate_count + 1 if agrees else 1
+    lowest = min(state.candidate_s, observed) if agrees else observed
+    if not apart:
+        count = 0
+    if count >= parameters.step_samples:
+        rebooted = lowest - state.offset_s > parameters.ahead_s and stamp_us < state.stamp_us
+        return started(stamp_us, lowest, state.drift), Verdict.REBOOTED if rebooted else Verdict.STEPPED
+    waiting = ClockState(
+        state.stamp_us,
+        state.offset_s,
+        state.drift,
+        state.window_stamp_us,
+        state.window_low_s,
+        state.window_before_s,
+        state.lag_s,
+        lowest,
+        count,
+    )
+    if stamp_us < state.stamp_us:
+        return waiting, Verdict.BACKWARDS
+    return waiting, Verdict.AHEAD if lag < -parameters.ahead_s else Verdict.GOOD
+
+
+def _followed(
+    state: ClockState, stamp_us: int, observed: float, offset: float, parameters: ClockParameters
+) -> ClockState:
+    """The envelope after a good sample, with the drift brought up to date when a window is full."""
+    drift, start, low, before = state.drift, state.window_stamp_us, state.window_low_s, state.window_before_s
+    span = (stamp_us - start) * 1e-6
+    low = min(low, observed)
+    if span >= parameters.drift_window_s:
+        if before is not None:
+            slope = max(-parameters.drift_max, min(parameters.drift_max, (low - before) / span))
+            drift += (slope - drift) / parameters.drift_smoothing
+        start, low, before = stamp_us, observed, low
+    return ClockState(
+        stamp_us, offset, drift, start, low, before, observed - offset, state.candidate_s, state.candidate_count
+    )
+
+
+def loop_time_s(state: ClockState, stamp_us: int, *, parameters: ClockParameters) -> float:
+    """The loop-clock time at which what ``stamp_us`` stamps was true, seconds."""
+    return stamp_us * 1e-6 + state.offset_s - parameters.telemetry_latency_s

@@ -1,0 +1,106 @@
+"""What a sample is to the one before it: its motion, a reset, a slide, or a jump to refuse."""
+
+from dataclasses import dataclass
+
+from daemon.estimation import reset_tracker, slide
+from daemon.estimation.gate import Sample
+from daemon.estimation.reset_tracker import Innovation, ResetParameters
+from daemon.estimation.slide import SETTLED, SlideParameters, SlideState
+from daemon.frames import add, norm
+from daemon.messages import ZERO3, Reset, Vec3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """``name`` and ``cause`` are the event's, empty when there is nothing to tell.
+
+    ``innovation`` is None where motion cannot be compared: after a reset and after a gap. ``counter_steps`` counts
+    the autopilot's resets since the sample before, modulo 256.
+    """
+
+    slide: SlideState
+    innovation: Innovation | None = None
+    refused: bool = False
+    reset: Reset | None = None
+    name: str = ""
+    cause: str = ""
+    counter_steps: int = 0
+
+
+def compared(
+    memory: SlideState,
+    before: Sample,
+    after: Sample,
+    acceleration_ned_m_s2: Vec3,
+    *,
+    clock_set: bool,
+    rebooted: bool,
+    resets: ResetParameters,
+    slides: SlideParameters,
+) -> Outcome:
+    """Judge ``after``, which came next to ``before``.
+
+    ``clock_set``: the stamps of the two are of different clocks, arrivals tell the time between them. ``rebooted``:
+    so are their frames, and the new one is taken as the truth. ``reset.time_s`` is the arrival, loop clock.
+    """
+    dt = after.arrival_s - before.arrival_s if clock_set else (after.stamp_us - before.stamp_us) * 1e-6
+    dt = max(dt, 1e-3)
+    steps = (after.reset_counter - before.reset_counter) % 256
+    gap = rebooted or dt > resets.gap_s
+    if gap and not steps and not rebooted:
+        return Outcome(SETTLED, name="regained")
+    found = reset_tracker.innovation(before, after, ZERO3 if gap else acceleration_ned_m_s2, min(dt, resets.gap_s))
+    if gap:
+        reset = reset_tracker.identified(
+            found, after.arrival_s, before.position_variance_m2, lost=True, parameters=resets
+        )
+        return Outcome(SETTLED, None, False, reset, "reset", "after_gap", steps)
+    if steps:
+        return _announced(memory, before, after, found, steps, resets)
+    if slide.jumps(found, parameters=slides):
+        return _unannounced(memory, before, after, found, acceleration_ned_m_s2, resets, slides)
+    following = slide.followed(memory, found, parameters=slides)
+    if norm(following.excess_ned_m) > slides.excess_max_m:
+        excess = Innovation(found.dt_s, following.excess_ned_m, ZERO3, 0.0)
+        return _fast_slide(excess, before, after, resets)
+    return Outcome(following, found)
+
+
+def _announced(
+    memory: SlideState, before: Sample, after: Sample, found: Innovation, steps: int, resets: ResetParameters
+) -> Outcome:
+    """The counter stepped: name the kinds. Without any, the sample is motion that is worth an event."""
+    reset = reset_tracker.identified(found, after.arrival_s, before.position_variance_m2, parameters=resets)
+    cause = reset_tracker.ambiguity(reset, steps)
+    kept = SlideState(memory.excess_ned_m)
+    return Outcome(kept, None, False, reset if reset.kinds else None, "reset", cause, steps)
+
+
+def _unannounced(
+    memory: SlideState,
+    before: Sample,
+    after: Sample,
+    found: Innovation,
+    acceleration_ned_m_s2: Vec3,
+    resets: ResetParameters,
+    slides: SlideParameters,
+) -> Outcome:
+    """A jump without a counter: refused until enough samples follow from each other."""
+    agreeing = 1
+    if memory.refused is not None:
+        dt = (after.stamp_us - memory.refused.stamp_us) * 1e-6
+        among = reset_tracker.innovation(memory.refused, after, acceleration_ned_m_s2, dt)
+        if dt > 0.0 and not slide.jumps(among, parameters=slides):
+            agreeing = memory.agreeing + 1
+    if agreeing < slides.agreeing_samples:
+        return Outcome(SlideState(memory.excess_ned_m, after, agreeing), refused=True)
+    total = Innovation(
+        found.dt_s, add(found.position_ned_m, memory.excess_ned_m), found.velocity_ned_m_s, found.yaw_rad
+    )
+    return _fast_slide(total, before, after, resets)
+
+
+def _fast_slide(found: Innovation, before: Sample, after: Sample, resets: ResetParameters) -> Outcome:
+    """The estimate moved by itself: a reset that nobody announced."""
+    reset = reset_tracker.identified(found, after.arrival_s, before.position_variance_m2, parameters=resets)
+    return Outcome(SETTLED, None, False, reset, "fast_slide")
