@@ -1,0 +1,275 @@
+"""Typed configuration: YAML files stacked on the defaults, each value checked down to its range.
+
+Degrees in the files (``*_deg``), SI everywhere else. A bad key, type or range is refused with the key's path, the value
+and the allowed range; a refused file changes nothing.
+"""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+
+def _number(low: float, high: float, unit: str, settable: bool = False) -> Any:
+    return Field(ge=low, le=high, json_schema_extra={"unit": unit, "settable": settable})
+
+
+class Section(BaseModel):
+    """Base of all sections: unknown keys are refused, nothing is converted, nothing changes afterwards."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+Triple = Annotated[tuple[float, float, float], Field(strict=False)]
+
+
+class Link(Section):
+    """The link to the autopilot."""
+
+    connection: str = Field("udpin://0.0.0.0:14540", min_length=1)
+    lost_s: float = _number(0.2, 5.0, "s")
+
+
+class Loops(Section):
+    """The two tasks."""
+
+    control_rate_hz: float = _number(50.0, 250.0, "Hz")
+    trajectory_rate_hz: float = _number(5.0, 50.0, "Hz")
+    window_s: float = _number(0.6, 5.0, "s")
+    command_latency_s: float = _number(0.0, 0.2, "s", settable=True)
+    cpu_affinity: Annotated[tuple[int, ...], Field(strict=False)] = ()
+    realtime_priority: int = Field(ge=0, le=99)
+    lock_memory: bool
+
+
+class Limits(Section):
+    """Limits of the reference."""
+
+    speed_m_s: float = _number(0.1, 25.0, "m/s", settable=True)
+    climb_m_s: float = _number(0.1, 10.0, "m/s", settable=True)
+    descent_m_s: float = _number(0.1, 10.0, "m/s", settable=True)
+    acceleration_m_s2: float = _number(0.1, 20.0, "m/s2", settable=True)
+    vertical_acceleration_m_s2: float = _number(0.1, 10.0, "m/s2", settable=True)
+    jerk_m_s3: float = _number(0.5, 200.0, "m/s3", settable=True)
+    yaw_rate_deg_s: float = _number(1.0, 360.0, "deg/s", settable=True)
+    yaw_acceleration_deg_s2: float = _number(1.0, 1000.0, "deg/s2", settable=True)
+
+
+class Guidance(Section):
+    """How goals become references."""
+
+    profile: Literal["reference_filter", "jerk_limited"]
+    natural_frequency_rad_s: float = _number(0.1, 5.0, "rad/s", settable=True)
+    damping: float = _number(0.3, 2.0, "-", settable=True)
+    max_distance_m: float = _number(1.0, 100000.0, "m", settable=True)
+    limits: Limits
+
+
+class Control(Section):
+    """The control law."""
+
+    attitude_law: Literal["quaternion", "geometric", "jerk"]
+    position_gain_1_s2: Triple
+    velocity_gain_1_s: Triple
+    feedback_max_m_s2: float = _number(0.5, 30.0, "m/s2", settable=True)
+    approach_max_m_s: float = _number(0.1, 30.0, "m/s", settable=True)
+    attitude_time_constant_s: Triple
+    hover_thrust: float = _number(0.05, 0.95, "-")
+    thrust_curve: float = _number(0.0, 1.0, "-")
+    thrust_lag_s: float = _number(0.0, 0.5, "s")
+    rate_lag_s: Triple
+    drag_1_s: Triple
+    rate_feed_forward: bool
+    lag_compensation: bool
+    disturbance_bandwidth_rad_s: float = _number(0.0, 20.0, "rad/s", settable=True)
+    disturbance_max_m_s2: float = _number(0.0, 15.0, "m/s2", settable=True)
+    tilt_max_deg: float = _number(5.0, 80.0, "deg", settable=True)
+    rate_max_deg_s: float = _number(10.0, 720.0, "deg/s", settable=True)
+    yaw_rate_max_deg_s: float = _number(5.0, 360.0, "deg/s", settable=True)
+    rate_slew_max_deg_s2: float = _number(100.0, 50000.0, "deg/s2", settable=True)
+    thrust_min: float = _number(0.0, 0.5, "-", settable=True)
+    thrust_max: float = _number(0.3, 1.0, "-", settable=True)
+    thrust_slew_max_1_s: float = _number(0.5, 100.0, "1/s", settable=True)
+
+
+class Estimator(Section):
+    """The estimate and its quality."""
+
+    position_variance_max_m2: float = _number(0.01, 100.0, "m2", settable=True)
+    reset_max_m: float = _number(0.5, 1000.0, "m", settable=True)
+    telemetry_latency_s: float = _number(0.0, 0.2, "s")
+
+
+class Fence(Section):
+    """The geofence about its anchor: home, or the local origin."""
+
+    anchor: Literal["home", "origin"]
+    radius_m: float = _number(1.0, 100000.0, "m")
+    polygon_ne_m: Annotated[tuple[tuple[float, float], ...], Field(strict=False)] = ()
+    floor_m: float = _number(-1000.0, 1000.0, "m")
+    ceiling_m: float = _number(1.0, 10000.0, "m")
+    hard_margin_m: float = _number(0.5, 1000.0, "m")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "Fence":
+        if self.floor_m >= self.ceiling_m:
+            raise ValueError(f"floor_m {self.floor_m:g} is not below ceiling_m {self.ceiling_m:g}")
+        if 0 < len(self.polygon_ne_m) < 3:
+            raise ValueError("polygon_ne_m needs three corners or more")
+        return self
+
+
+class Safety(Section):
+    """Bounds of the supervisor and of the dead-man."""
+
+    coast_s: float = _number(0.05, 0.5, "s")
+    lost_s: float = _number(0.1, 1.0, "s")
+    tilt_max_deg: float = _number(20.0, 120.0, "deg")
+    speed_max_m_s: float = _number(1.0, 60.0, "m/s")
+    attitude_disagreement_deg: float = _number(2.0, 90.0, "deg")
+    battery_min_pct: float = _number(0.0, 90.0, "%")
+    dead_man_level_s: float = _number(0.05, 0.5, "s")
+    dead_man_latch_s: float = _number(0.1, 1.0, "s")
+    clock_gap_s: float = _number(0.1, 1.0, "s")
+    fence: Fence
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "Safety":
+        if self.coast_s >= self.lost_s:
+            raise ValueError(f"coast_s {self.coast_s:g} is not below lost_s {self.lost_s:g}")
+        if self.dead_man_level_s >= self.dead_man_latch_s:
+            raise ValueError("dead_man_level_s is not below dead_man_latch_s")
+        return self
+
+
+class Goals(Section):
+    """The goal socket."""
+
+    engage_on_submit: bool
+    operator_uids: Annotated[tuple[int, ...], Field(strict=False)] = ()
+    operator_gids: Annotated[tuple[int, ...], Field(strict=False)] = ()
+
+
+class Log(Section):
+    """Logs."""
+
+    level: Literal["debug", "info", "warning", "error"]
+
+
+class Config(Section):
+    """The whole configuration."""
+
+    link: Link
+    loops: Loops
+    guidance: Guidance
+    control: Control
+    estimator: Estimator
+    safety: Safety
+    goals: Goals
+    log: Log
+
+    def hash(self) -> str:
+        """Twelve hexadecimal digits that change with any value."""
+        text = json.dumps(self.model_dump(mode="json"), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+class ConfigError(Exception):
+    """The configuration cannot be used: one line a fault, each with file or path, value and what is allowed."""
+
+    def __init__(self, faults: list[str]) -> None:
+        self.faults = faults
+        super().__init__("\n".join(faults))
+
+
+def default_path() -> Path:
+    """The file that holds every key: beside the checkout's package, or inside an installed one."""
+    checkout = Path(__file__).resolve().parent.parent / "config" / "default.yaml"
+    return checkout if checkout.exists() else Path(__file__).resolve().parent / "_data" / "config" / "default.yaml"
+
+
+def load(files: list[Path], overrides: dict[str, Any] | None = None) -> Config:
+    """The defaults, then each file over them, then the overrides (nested like the files). Raises ``ConfigError``."""
+    values: dict[str, Any] = {}
+    for file in [default_path(), *files]:
+        values = _stacked(values, _read(file))
+    return validated(_stacked(values, overrides or {}))
+
+
+def validated(values: dict[str, Any]) -> Config:
+    """The configuration of nested values. Raises ``ConfigError``."""
+    try:
+        return Config.model_validate(values)
+    except ValidationError as error:
+        raise ConfigError([_sentence(fault) for fault in error.errors()]) from None
+
+
+def _read(file: Path) -> dict[str, Any]:
+    try:
+        values = yaml.safe_load(file.read_text())
+    except OSError as error:
+        raise ConfigError([f"{file}: {error.strerror}"]) from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ConfigError([f"{file}: not YAML: {' '.join(str(error).split())}"]) from None
+    if values is None:
+        return {}
+    if not isinstance(values, dict):
+        raise ConfigError([f"{file}: holds {type(values).__name__}, not sections of keys"])
+    return values
+
+
+def _stacked(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    result = dict(below)
+    for key, value in above.items():
+        old = result.get(key)
+        result[key] = _stacked(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
+    return result
+
+
+def _sentence(fault: Any) -> str:
+    path = ".".join(str(part) for part in fault["loc"]) or "configuration"
+    value = fault.get("input")
+    shown = f" (it is {value!r})" if not isinstance(value, dict) else ""
+    kind, context = fault["type"], fault.get("ctx") or {}
+    if kind == "extra_forbidden":
+        return f"{path}: there is no such key"
+    if kind == "missing":
+        return f"{path}: is missing"
+    if kind in ("greater_than_equal", "less_than_equal"):
+        low, high, unit = _range(path)
+        return f"{path}: {value!r} is not within {low:g} to {high:g} {unit}".rstrip()
+    if kind == "value_error":
+        return f"{path}: {context.get('error', fault['msg'])}"
+    return f"{path}: {fault['msg'][0].lower()}{fault['msg'][1:]}{shown}"
+
+
+def _range(path: str) -> tuple[float, float, str]:
+    setting = describe(path)
+    return (
+        float("-inf") if setting["min"] is None else setting["min"],
+        float("inf") if setting["max"] is None else setting["max"],
+        setting["unit"] or "",
+    )
+
+
+def describe(path: str) -> dict[str, Any]:
+    """Range, unit and whether it may be set in flight, of the setting at a dotted path. Raises ``KeyError``."""
+    model: type[BaseModel] = Config
+    *sections, key = path.split(".")
+    for name in sections:
+        annotation = model.model_fields[name].annotation
+        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
+            raise KeyError(path)
+        model = annotation
+    field = model.model_fields[key]
+    extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+    bounds = {name: getattr(m, name) for m in field.metadata for name in ("ge", "le") if hasattr(m, name)}
+    return {
+        "min": bounds.get("ge"),
+        "max": bounds.get("le"),
+        "unit": extra.get("unit"),
+        "settable": bool(extra.get("settable", False)),
+    }

@@ -1,0 +1,241 @@
+"""Vehicle requests as coroutines: check, ask, and wait until telemetry shows it. The newest request supersedes."""
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from daemon.autopilot.port import Autopilot, Command, CommandKind, CommandRefusedError, CommandTimeoutError
+from daemon.latest import Latest
+from daemon.messages import FlightMode, LandedState, RequestKind, SystemStatus, VehicleRequest
+from daemon.pipeline import Record
+from daemon.safety.dead_man import SetpointGate
+from daemon.safety.supervisor import FLYING, OURS, State
+
+PILOT_MODES = frozenset(
+    {FlightMode.MANUAL, FlightMode.ALTITUDE, FlightMode.POSITION, FlightMode.ACRO, FlightMode.STABILIZED}
+)
+POLL_S = 0.02
+
+
+class NotPossibleError(Exception):
+    """The request does not fit the state that the vehicle or the daemon is in; the text says why."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandTimeouts:
+    """Bounds on every wait, seconds; ``climb_m_s`` and ``descend_m_s`` are the slowest rates to allow for."""
+
+    acknowledge_s: float = 2.0
+    mode_s: float = 2.5
+    arm_s: float = 3.0
+    engage_s: float = 3.0
+    takeoff_s: float = 20.0
+    land_s: float = 60.0
+    return_s: float = 600.0
+    climb_m_s: float = 0.5
+    descend_m_s: float = 0.3
+
+
+class Commander:
+    """One request at a time: a newer one ends a pending one with ``NotPossibleError("superseded ...")``."""
+
+    def __init__(
+        self,
+        autopilot: Autopilot,
+        gate: SetpointGate,
+        record: Latest[Record | None],
+        request: Latest[VehicleRequest | None],
+        timeouts: CommandTimeouts,
+    ) -> None:
+        self._autopilot = autopilot
+        self._gate = gate
+        self._record = record
+        self._request = request
+        self._timeouts = timeouts
+        self._turn = 0
+
+    @property
+    def state(self) -> State:
+        """The supervisor's state."""
+        record = self._record.value
+        return record.supervision.state if record else State.DISCONNECTED
+
+    async def arm(self) -> None:
+        """Arm; done when telemetry shows it."""
+        turn = self._begin()
+        self._require_connected()
+        await self._arm(turn)
+
+    async def disarm(self) -> None:
+        """Disarm; only on the ground."""
+        turn = self._begin()
+        self._require_connected()
+        if self._autopilot.status.value.landed is not LandedState.ON_GROUND:
+            raise NotPossibleError("the vehicle is not landed; land it first")
+        await self._autopilot.command(Command(CommandKind.DISARM), self._timeouts.acknowledge_s)
+        await self._until(turn, lambda: not self._autopilot.status.value.armed, self._timeouts.arm_s, "disarmed")
+
+    async def takeoff(self, altitude_m: float) -> None:
+        """Arm if needed and climb to ``altitude_m`` above the take-off point; done in the air and in Hold."""
+        turn = self._begin()
+        self._require_connected()
+        status = self._autopilot.status.value
+        if self.state is not State.STANDBY or status.landed is not LandedState.ON_GROUND:
+            raise NotPossibleError(f"take-off needs a vehicle on the ground; the state is {self.state.value}")
+        if status.global_position is None:
+            raise NotPossibleError("the autopilot has no global position yet, so the height cannot be given")
+        altitude_amsl_m = status.global_position.altitude_amsl_m + altitude_m
+        if status.mode is not FlightMode.HOLD:
+            # Arming is refused in Land, and in a mode that lacks what it needs.
+            self._post(RequestKind.HOLD)
+            await self._until_mode(turn, FlightMode.HOLD)
+        await self._arm(turn)
+        self._post(RequestKind.TAKEOFF)
+        await self._autopilot.command(Command(CommandKind.TAKEOFF, altitude_amsl_m), self._timeouts.acknowledge_s)
+        await self._until(turn, lambda: self.state is State.TAKING_OFF, self._timeouts.mode_s, "taking off")
+        limit_s = self._timeouts.takeoff_s + altitude_m / self._timeouts.climb_m_s
+        await self._until(turn, lambda: self.state is not State.TAKING_OFF, limit_s, "in the air")
+        if self.state is not State.READY:
+            raise CommandRefusedError(f"take-off ended in state {self.state.value}: {self._reason()}")
+
+    async def engage(self) -> None:
+        """Take the vehicle over from Hold; done when offboard is confirmed."""
+        turn = self._begin()
+        await self.engage_pending(lambda: self._turn == turn)
+
+    async def engage_pending(self, wanted: Callable[[], bool]) -> None:
+        """Engage for whoever still wants it (a goal that was submitted while ready)."""
+        self._require_connected()
+        if self.state in FLYING:
+            return
+        if self.state is not State.ENGAGING:
+            self.require_engageable()
+            self._gate.unlatch()
+            self._post(RequestKind.ENGAGE)
+            await self._wait(wanted, lambda: self.state in OURS, 0.5, "engaging")
+        await self._wait(wanted, lambda: self.state is not State.ENGAGING, self._timeouts.engage_s, "engaged")
+        if self.state not in FLYING:
+            raise CommandRefusedError(f"engage ended in state {self.state.value}: {self._reason()}")
+
+    def require_engageable(self) -> None:
+        """Raise ``NotPossibleError`` with what is missing, unless the vehicle could be engaged now."""
+        record = self._record.value
+        status = self._autopilot.status.value
+        if record is None or self.state not in (State.READY, State.PILOT, State.FAULT):
+            raise NotPossibleError(f"cannot engage in state {self.state.value}; take off first")
+        missing = [
+            text
+            for fails, text in (
+                (not status.armed, "the vehicle is not armed"),
+                (status.landed is not LandedState.IN_AIR, f"landed state is {status.landed.name.lower()}"),
+                (status.mode is not FlightMode.HOLD, f"the mode is {status.mode.value}, not hold"),
+                (
+                    status.intended_mode not in (status.mode, FlightMode.UNKNOWN),
+                    f"the autopilot intends {status.intended_mode.value}: a failsafe acts",
+                ),
+                (
+                    status.system_status is not SystemStatus.ACTIVE,
+                    f"the autopilot's system status is {status.system_status.name.lower()}",
+                ),
+                (not record.conditions.state_usable, "there is no fresh estimate"),
+                (record.conditions.estimate_poor, "the position estimate is too uncertain"),
+            )
+            if fails
+        ]
+        if missing:
+            raise NotPossibleError("cannot engage: " + ", ".join(missing))
+
+    async def hold(self) -> None:
+        """The autopilot's Hold, from any airborne mode except a pilot's; also how the vehicle is released."""
+        turn = self._begin()
+        self._require_flyable("hold")
+        self._post(RequestKind.HOLD)
+        await self._until_mode(turn, FlightMode.HOLD)
+        await self._until(turn, lambda: self.state is State.READY, self._timeouts.mode_s, "in Hold")
+
+    async def land(self) -> None:
+        """Land here; done when disarmed."""
+        await self._come_down(RequestKind.LAND, FlightMode.LAND, self._timeouts.land_s)
+
+    async def return_home(self) -> None:
+        """The autopilot's Return; done when disarmed."""
+        await self._come_down(RequestKind.RETURN, FlightMode.RETURN, self._timeouts.return_s)
+
+    async def _come_down(self, kind: RequestKind, mode: FlightMode, limit_s: float) -> None:
+        turn = self._begin()
+        self._require_flyable(kind.value)
+        record = self._record.value
+        height_m = 0.0
+        if record is not None and record.estimate.newest is not None:
+            height_m = max(0.0, -record.estimate.newest.position_ned_m[2])
+        self._post(kind)
+        await self._until_mode(turn, mode)
+        limit_s += height_m / self._timeouts.descend_m_s
+        await self._until(
+            turn,
+            lambda: not self._autopilot.status.value.armed or self.state in (State.PILOT, State.FAULT, State.READY),
+            limit_s,
+            "landed and disarmed",
+        )
+        if self._autopilot.status.value.armed:
+            raise NotPossibleError(f"{kind.value} ended in state {self.state.value}: {self._reason()}")
+        await self._until(turn, lambda: self.state is State.STANDBY, 1.0, "standby")
+
+    async def _arm(self, turn: int) -> None:
+        if self._autopilot.status.value.armed:
+            return
+        if self.state is not State.STANDBY:
+            raise NotPossibleError(f"cannot arm in state {self.state.value}")
+        await self._autopilot.command(Command(CommandKind.ARM), self._timeouts.acknowledge_s)
+        await self._until(turn, lambda: self._autopilot.status.value.armed, self._timeouts.arm_s, "armed")
+
+    def _begin(self) -> int:
+        self._turn += 1
+        return self._turn
+
+    def _post(self, kind: RequestKind) -> None:
+        last = self._request.value
+        self._request.set(VehicleRequest(1 if last is None else last.serial + 1, kind))
+
+    def _require_connected(self) -> None:
+        if not self._autopilot.status.value.connected or self.state is State.DISCONNECTED:
+            raise NotPossibleError("no autopilot is connected")
+
+    def _require_flyable(self, what: str) -> None:
+        self._require_connected()
+        status = self._autopilot.status.value
+        if not status.armed or status.landed is LandedState.ON_GROUND:
+            raise NotPossibleError(f"cannot {what}: the vehicle is not in the air")
+        if status.mode in PILOT_MODES:
+            raise NotPossibleError(f"cannot {what}: a pilot flies in mode {status.mode.value}")
+
+    def _reason(self) -> str:
+        record = self._record.value
+        refusal = self._autopilot.status.value.mode_refusal
+        text = record.supervision.reason if record else "no autopilot"
+        return f"{text} ({refusal.reason})" if refusal and text == "engage_refused" else text
+
+    async def _until_mode(self, turn: int, mode: FlightMode) -> None:
+        since_s = asyncio.get_running_loop().time()
+
+        def settled() -> bool:
+            status = self._autopilot.status.value
+            refusal = status.mode_refusal
+            if refusal is not None and refusal.mode is mode and refusal.time_s >= since_s and self.state not in OURS:
+                raise CommandRefusedError(f"the autopilot refused {mode.value}: {refusal.reason}")
+            return status.mode is mode
+
+        await self._until(turn, settled, self._timeouts.mode_s, f"in mode {mode.value}")
+
+    async def _until(self, turn: int, done: Callable[[], bool], limit_s: float, what: str) -> None:
+        await self._wait(lambda: self._turn == turn, done, limit_s, what)
+
+    async def _wait(self, wanted: Callable[[], bool], done: Callable[[], bool], limit_s: float, what: str) -> None:
+        loop = asyncio.get_running_loop()
+        deadline_s = loop.time() + limit_s
+        while not done():
+            if not wanted():
+                raise NotPossibleError("superseded by a newer vehicle request")
+            if loop.time() > deadline_s:
+                raise CommandTimeoutError(f"not {what} after {limit_s:g} s; it may still come")
+            await asyncio.sleep(POLL_S)

@@ -1,0 +1,67 @@
+"""The control task: read the newest, step the pipeline, publish; on a fixed grid, whatever telemetry does."""
+
+from collections.abc import Callable
+
+from daemon import pipeline
+from daemon.autopilot.port import Autopilot
+from daemon.latest import Latest
+from daemon.loops.grid import Grid
+from daemon.messages import ReferenceWindow, VehicleRequest
+from daemon.pipeline import Inputs, Parameters, Record
+from daemon.safety.dead_man import SetpointGate
+
+
+class ControlTask:
+    """Owns the pipeline's state; writes ``record``, reads everything else.
+
+    ``listeners`` get the inputs and the record of each tick (the flight record, the tests); they must be quick.
+    """
+
+    def __init__(
+        self,
+        autopilot: Autopilot,
+        gate: SetpointGate,
+        grid: Grid,
+        window: Latest[ReferenceWindow | None],
+        request: Latest[VehicleRequest | None],
+        parameters: Latest[Parameters],
+        clock_gap_s: float,
+    ) -> None:
+        self.record: Latest[Record | None] = Latest(None)
+        self.listeners: list[Callable[[Inputs, Record], None]] = []
+        self.grid = grid
+        self._autopilot = autopilot
+        self._gate = gate
+        self._window = window
+        self._request = request
+        self._parameters = parameters
+        self._clock_gap_s = clock_gap_s
+        self._state = pipeline.initial(parameters.value)
+
+    async def run(self) -> None:
+        """Tick until cancelled."""
+        await self.grid.run(self.tick)
+
+    def tick(self, now_s: float, dt_s: float) -> None:
+        """Read, compute, publish."""
+        if self._gate.ours and dt_s > self._clock_gap_s:
+            self._gate.latch()
+        inputs = self._read()
+        self._state, setpoint, record = pipeline.step(self._state, inputs, now_s, dt_s)
+        self._gate.tick(setpoint, self._state.control.hover_thrust)
+        for mode in record.modes:
+            self._autopilot.request_mode(mode)
+        self.record.set(record)
+        for listener in self.listeners:
+            listener(inputs, record)
+
+    def _read(self) -> Inputs:
+        return Inputs(
+            odometry=self._autopilot.odometry.value,
+            imu=self._autopilot.imu.value,
+            status=self._autopilot.status.value,
+            window=self._window.value,
+            request=self._request.value,
+            latched=self._gate.latched,
+            parameters=self._parameters.value,
+        )
