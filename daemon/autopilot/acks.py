@@ -1,0 +1,134 @@
+"""Who waits for which acknowledgement. Without I/O: times come in, messages to repeat go out."""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from daemon.autopilot.events import RESULT_ACCEPTED, RESULT_IN_PROGRESS
+from daemon.autopilot.port import CommandRefusedError, CommandTimeoutError, LinkError
+from daemon.autopilot.px4 import Message
+from daemon.messages import FlightMode
+
+
+@dataclass(slots=True)
+class _ModeRequest:
+    mode: FlightMode
+    sent_s: float
+    first_ack_s: float | None = None
+
+
+class ModeAcks:
+    """DO_SET_MODE is acknowledged twice: the first is always 0, the second is the true result (PX4 as measured).
+
+    A request whose second ack stays out for ``second_ack_s`` counts as not refused.
+    """
+
+    def __init__(self, second_ack_s: float = 0.05, forget_s: float = 1.0) -> None:
+        self._second_ack_s = second_ack_s
+        self._forget_s = forget_s
+        self._waiting: deque[_ModeRequest] = deque()
+        self._last: _ModeRequest | None = None
+
+    def requested(self, mode: FlightMode, now_s: float) -> None:
+        """A request has left."""
+        self._last = _ModeRequest(mode, now_s)
+        self._waiting.append(self._last)
+
+    def ack(self, result: int, now_s: float) -> FlightMode | None:
+        """An ack has come: the mode that it refuses, or None."""
+        self._drop_old(now_s)
+        if result == RESULT_IN_PROGRESS:
+            return None
+        if result != RESULT_ACCEPTED:
+            # With nobody waiting it is a second ack that came late: the newest request is the one it answers.
+            refused = self._waiting.popleft() if self._waiting else self._last
+            return refused.mode if refused is not None and now_s - refused.sent_s <= self._forget_s else None
+        if self._waiting:
+            request = self._waiting[0]
+            if request.first_ack_s is None:
+                request.first_ack_s = now_s
+            else:
+                self._waiting.popleft()
+        return None
+
+    def clear(self) -> None:
+        """Nobody waits any more."""
+        self._waiting.clear()
+        self._last = None
+
+    def _drop_old(self, now_s: float) -> None:
+        while self._waiting:
+            oldest = self._waiting[0]
+            second_overdue = oldest.first_ack_s is not None and now_s - oldest.first_ack_s > self._second_ack_s
+            if not second_overdue and now_s - oldest.sent_s <= self._forget_s:
+                return
+            self._waiting.popleft()
+
+
+Done = Callable[[LinkError | None], None]
+
+
+@dataclass(slots=True)
+class _Pending:
+    message: Message
+    done: Done
+    deadline_s: float
+    resend_s: float
+    result: int | None = None
+    report_s: float = field(default=float("inf"))
+
+
+class CommandAcks:
+    """Commands that wait for their ack, by command number; repeated while there is none.
+
+    A refusal is reported ``reason_wait_s`` after its ack, because the EVENT that explains it follows the ack.
+    """
+
+    def __init__(self, resend_s: float = 0.5, reason_wait_s: float = 0.05) -> None:
+        self._resend_s = resend_s
+        self._reason_wait_s = reason_wait_s
+        self._pending: dict[int, _Pending] = {}
+
+    def start(self, message: Message, now_s: float, timeout_s: float, done: Done) -> None:
+        """A command has left; a later one of the same number takes the place of an earlier one."""
+        command = int(message[1]["command"])
+        earlier = self._pending.pop(command, None)
+        self._pending[command] = _Pending(message, done, now_s + timeout_s, now_s + self._resend_s)
+        if earlier is not None:
+            earlier.done(CommandTimeoutError(f"command {command} was replaced by a later one"))
+
+    def ack(self, command: int, result: int, now_s: float) -> None:
+        """An ack has come; in progress: keep waiting and do not repeat."""
+        pending = self._pending.get(command)
+        if pending is None or pending.result is not None:
+            return
+        if result == RESULT_ACCEPTED:
+            del self._pending[command]
+            pending.done(None)
+        elif result == RESULT_IN_PROGRESS:
+            pending.resend_s = float("inf")
+        else:
+            pending.result, pending.report_s = result, now_s + self._reason_wait_s
+
+    def poll(self, now_s: float, why: Callable[[int], str]) -> list[Message]:
+        """Report what is due; returns what must be sent again. ``why`` puts a MAV_RESULT in words."""
+        again: list[Message] = []
+        for command, pending in list(self._pending.items()):
+            if pending.result is not None and now_s >= pending.report_s:
+                del self._pending[command]
+                pending.done(CommandRefusedError(why(pending.result)))
+            elif pending.result is None and now_s >= pending.deadline_s:
+                del self._pending[command]
+                pending.done(CommandTimeoutError(f"command {command} was not acknowledged"))
+            elif pending.result is None and now_s >= pending.resend_s:
+                pending.resend_s = now_s + self._resend_s
+                name, fields = pending.message
+                pending.message = (name, fields | {"confirmation": fields["confirmation"] + 1})
+                again.append(pending.message)
+        return again
+
+    def fail(self, error: LinkError) -> None:
+        """Give every waiting command this end."""
+        pending, self._pending = list(self._pending.values()), {}
+        for waiting in pending:
+            waiting.done(error)

@@ -1,0 +1,326 @@
+"""What the daemon knows of its PX4 and what it must tell it, without I/O: messages and times in, messages out.
+
+Both links are thin transports around it. All of it belongs to one thread, except ``receive_sample``.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import inf
+
+from daemon.autopilot import decode, events, streams
+from daemon.autopilot.acks import CommandAcks, Done, ModeAcks
+from daemon.autopilot.port import NotConnectedError
+from daemon.autopilot.px4 import (
+    CMD_SET_MODE,
+    MAV_AUTOPILOT_PX4,
+    Fields,
+    Message,
+    is_armed,
+    is_requestable,
+    mode_from_custom,
+    param_request_read,
+    set_mode,
+)
+from daemon.latest import Latest
+from daemon.messages import (
+    AutopilotStatus,
+    FlightMode,
+    Imu,
+    LandedState,
+    ModeRefusal,
+    Odometry,
+    SystemStatus,
+)
+
+SAMPLES = ("ODOMETRY", "HIGHRES_IMU")
+_REASON_UPDATE_S = 0.2  # an EVENT that explains a refusal comes within a few ms of the ack; generous
+_PARAM_RESEND_S = 0.25
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionParams:
+    """``link_timeout_s``: without any message for so long the link is lost, 0.5 s. ``reboot_step_s``: the autopilot's
+    clock stepping back by more than this is a reboot, 1 s (messages may overtake each other by milliseconds).
+    ``system_id``, ``component_id``: our own MAVLink ids, to know our acks from others'; 0 takes every ack.
+    """
+
+    link_timeout_s: float = 0.5
+    reboot_step_s: float = 1.0
+    system_id: int = 0
+    component_id: int = 0
+
+
+@dataclass(slots=True)
+class _ParamRead:
+    done: Callable[[float | int | None], None]
+    deadline_s: float
+    resend_s: float
+
+
+class Px4Session:
+    """Cells ``odometry``, ``imu``, ``status``; ``receive`` and ``poll`` feed it, ``take_outgoing`` empties it.
+
+    ``connected`` needs messages that keep coming and a HEARTBEAT of PX4 since they do, so that mode and armed state
+    are never older than the connection. ``malformed`` counts messages that could not be read, by name.
+    """
+
+    def __init__(self, params: SessionParams | None = None) -> None:
+        self.params = params or SessionParams()
+        self.odometry: Latest[Odometry | None] = Latest(None)
+        self.imu: Latest[Imu | None] = Latest(None)
+        self.status = Latest(AutopilotStatus())
+        self.monitor = streams.StreamMonitor()
+        self.malformed: dict[str, int] = {}
+        self.events: list[str] = []
+        self._last_arrival_s = -inf
+        self._flowing = False
+        self._newest_stamp_us = dict.fromkeys(SAMPLES, 0)
+        self._mode_acks = ModeAcks()
+        self._commands = CommandAcks()
+        self._params_read: dict[str, _ParamRead] = {}
+        self._reasons = events.Reasons()
+        self._refused: tuple[int, FlightMode, float] | None = None
+        self._outgoing: list[Message] = []
+        self._handlers: dict[str, Callable[[Fields, float], None]] = {
+            "HEARTBEAT": self._on_heartbeat,
+            "CURRENT_MODE": self._on_current_mode,
+            "EVENT": self._on_event,
+            "COMMAND_ACK": self._on_command_ack,
+            "EXTENDED_SYS_STATE": self._on_extended_sys_state,
+            "SYS_STATUS": self._on_sys_status,
+            "GLOBAL_POSITION_INT": self._on_global_position,
+            "HOME_POSITION": self._on_home_position,
+            "GPS_GLOBAL_ORIGIN": self._on_global_origin,
+            "PARAM_VALUE": self._on_param_value,
+            "PARAM_ERROR": self._on_param_error,
+        }
+
+    @property
+    def wanted(self) -> tuple[str, ...]:
+        """Names of the messages that the session takes."""
+        return (*SAMPLES, *self._handlers)
+
+    # ---- in
+
+    def receive(self, name: str, fields: Fields, now_s: float) -> None:
+        """Take one message of the autopilot; one that cannot be read is counted and dropped."""
+        self._note_arrival(now_s)
+        if name in SAMPLES:
+            if not self.receive_sample(name, fields, now_s):
+                self._on_reboot(now_s)
+                self.receive_sample(name, fields, now_s)
+            return
+        handler = self._handlers.get(name)
+        if handler is None:
+            return
+        self.monitor.count(name)
+        try:
+            handler(fields, now_s)
+        except (KeyError, TypeError, ValueError, IndexError):
+            self._count_malformed(name)
+
+    def receive_sample(self, name: str, fields: Fields, now_s: float) -> bool:
+        """The hot path of ODOMETRY and HIGHRES_IMU: only writes the cell, so another thread may call it.
+
+        False: not taken, because the autopilot's clock stepped back; give this message to ``receive`` in the
+        session's own thread.
+        """
+        try:
+            sample = decode.odometry(fields, now_s) if name == "ODOMETRY" else decode.imu(fields, now_s)
+        except (KeyError, TypeError, ValueError, IndexError):
+            self._count_malformed(name)
+            return True
+        newest_us = self._newest_stamp_us[name]
+        if sample.stamp_us < newest_us:
+            return sample.stamp_us > newest_us - self.params.reboot_step_s * 1e6  # late: an overtaken one is dropped
+        self._newest_stamp_us[name] = sample.stamp_us
+        self._last_arrival_s = now_s
+        self.monitor.count(name)
+        if isinstance(sample, Odometry):
+            self.odometry.set(sample)
+        else:
+            self.imu.set(sample)
+        return True
+
+    def poll(self, now_s: float) -> None:
+        """Time passes: notice a lost link, repeat what was not answered. Call it every 50 ms or more often."""
+        if self._flowing and now_s - self._last_arrival_s > self.params.link_timeout_s:
+            self._flowing = False
+            self._update(connected=False)
+            self._forget_waiting("the link to the autopilot was lost")
+        if not self._flowing:
+            return
+        self._outgoing += self._commands.poll(now_s, self._why_not_armed(now_s))
+        self._outgoing += self.monitor.check(now_s)
+        self._poll_params(now_s)
+
+    # ---- out
+
+    def take_outgoing(self) -> list[Message]:
+        """Messages to send now, in order."""
+        outgoing, self._outgoing = self._outgoing, []
+        return outgoing
+
+    def take_events(self) -> list[str]:
+        """What PX4 said in EVENT messages since the last call, in words."""
+        said, self.events = self.events, []
+        return said
+
+    def mode_message(self, mode: FlightMode) -> Message | None:
+        """The message that asks for a mode; None when not connected or when PX4 has no word for it. Any thread."""
+        status = self.status.value
+        if not status.connected or not is_requestable(mode):
+            return None
+        return set_mode(mode, armed=status.armed)
+
+    def mode_requested(self, mode: FlightMode, now_s: float) -> None:
+        """A ``mode_message`` was sent, or is about to be: its acks are expected."""
+        self._mode_acks.requested(mode, now_s)
+        self._refused = None
+        self._update(mode_refusal=None)
+
+    def start_command(self, message: Message, now_s: float, timeout_s: float, done: Done) -> None:
+        """Send a command and call ``done`` with its error or None; NotConnectedError when there is no autopilot."""
+        if not self.status.value.connected:
+            raise NotConnectedError("no autopilot is connected")
+        self._commands.start(message, now_s, timeout_s, done)
+        self._outgoing.append(message)
+
+    def read_parameter(
+        self, name: str, now_s: float, timeout_s: float, done: Callable[[float | int | None], None]
+    ) -> None:
+        """Ask for a parameter and call ``done`` with it, or with None: unknown, or no answer in time."""
+        earlier = self._params_read.pop(name, None)
+        if earlier is not None:
+            earlier.done(None)
+        self._params_read[name] = _ParamRead(done, now_s + timeout_s, now_s + _PARAM_RESEND_S)
+        self._outgoing.append(param_request_read(name))
+
+    # ---- messages
+
+    def _update(self, **changes: object) -> None:
+        self.status.set(replace(self.status.value, **changes))  # type: ignore[arg-type]
+
+    def _count_malformed(self, name: str) -> None:
+        self.malformed[name] = self.malformed.get(name, 0) + 1
+
+    def _note_arrival(self, now_s: float) -> None:
+        self._last_arrival_s = now_s
+        if not self._flowing:
+            self._flowing = True
+            self._ask_for_streams(now_s)
+
+    def _ask_for_streams(self, now_s: float) -> None:
+        self._outgoing += streams.requests()
+        self.monitor.restart(now_s)
+
+    def _forget_waiting(self, why: str) -> None:
+        self._mode_acks.clear()
+        self._commands.fail(NotConnectedError(why))
+        waiting, self._params_read = list(self._params_read.values()), {}
+        for read in waiting:
+            read.done(None)
+
+    def _on_reboot(self, now_s: float) -> None:
+        self._newest_stamp_us = dict.fromkeys(SAMPLES, 0)
+        self._reasons = events.Reasons()
+        self._forget_waiting("the autopilot has rebooted")
+        self.status.set(AutopilotStatus(boot_count=self.status.value.boot_count + 1))
+        self._ask_for_streams(now_s)
+
+    def _on_heartbeat(self, fields: Fields, now_s: float) -> None:
+        if int(fields["autopilot"]) != MAV_AUTOPILOT_PX4:
+            return
+        mode = mode_from_custom(int(fields["custom_mode"]))
+        system_status = SystemStatus(int(fields["system_status"]))
+        status = self.status.value
+        # A new mode shows here before CURRENT_MODE does: without a failsafe it is also the intended one.
+        follows = system_status < SystemStatus.CRITICAL and (mode is not status.mode or not status.connected)
+        self._update(
+            connected=True,
+            heartbeat_s=now_s,
+            mode=mode,
+            intended_mode=mode if follows else status.intended_mode,
+            armed=is_armed(int(fields["base_mode"])),
+            system_status=system_status,
+        )
+
+    def _on_current_mode(self, fields: Fields, _now_s: float) -> None:
+        mode = mode_from_custom(int(fields["custom_mode"]))
+        intended = mode_from_custom(int(fields["intended_custom_mode"]))
+        self._update(mode=mode, intended_mode=mode if intended is FlightMode.UNKNOWN else intended)
+
+    def _on_event(self, fields: Fields, now_s: float) -> None:
+        event = events.decode(fields)
+        self._reasons.note(event, now_s)
+        if event.text is not None and not event.check_states:
+            self.events.append(event.text)
+        if event.mode is not None:
+            self._update(mode=event.mode, intended_mode=event.intended_mode)
+        if event.refusal and self._refused is not None and now_s - self._refused[2] <= _REASON_UPDATE_S:
+            self._publish_refusal(now_s)
+
+    def _on_command_ack(self, fields: Fields, now_s: float) -> None:
+        if not self._is_ours(fields):
+            return
+        command, result = int(fields["command"]), int(fields["result"])
+        if command != CMD_SET_MODE:
+            self._commands.ack(command, result, now_s)
+            return
+        mode = self._mode_acks.ack(result, now_s)
+        if mode is not None:
+            self._refused = (result, mode, now_s)
+            self._publish_refusal(now_s)
+
+    def _publish_refusal(self, now_s: float) -> None:
+        if self._refused is not None:
+            result, mode, time_s = self._refused
+            self._update(mode_refusal=ModeRefusal(mode, self._reasons.why(result, mode, now_s), time_s))
+
+    def _is_ours(self, fields: Fields) -> bool:
+        system, component = int(fields.get("target_system", 0)), int(fields.get("target_component", 0))
+        ours = self.params
+        return (not (system and ours.system_id) or system == ours.system_id) and (
+            not (component and ours.component_id) or component == ours.component_id
+        )
+
+    def _why_not_armed(self, now_s: float) -> Callable[[int], str]:
+        return lambda result: self._reasons.why(result, self.status.value.intended_mode, now_s)
+
+    def _on_extended_sys_state(self, fields: Fields, _now_s: float) -> None:
+        self._update(landed=LandedState(int(fields["landed_state"])))
+
+    def _on_sys_status(self, fields: Fields, _now_s: float) -> None:
+        self._update(battery_fraction=decode.battery_fraction(fields))
+
+    def _on_global_position(self, fields: Fields, _now_s: float) -> None:
+        self._update(global_position=decode.global_position(fields, "lat", "lon", "alt"))
+
+    def _on_home_position(self, fields: Fields, _now_s: float) -> None:
+        home = decode.global_position(fields, "latitude", "longitude", "altitude")
+        self._update(home=home, home_ned_m=decode.home_ned(fields))
+
+    def _on_global_origin(self, fields: Fields, _now_s: float) -> None:
+        self._update(global_origin=decode.global_position(fields, "latitude", "longitude", "altitude"))
+
+    # ---- parameters
+
+    def _on_param_value(self, fields: Fields, _now_s: float) -> None:
+        read = self._params_read.pop(str(fields["param_id"]), None)
+        if read is not None:
+            value = fields["param_value"]
+            read.done(value if isinstance(value, int | float) else None)
+
+    def _on_param_error(self, fields: Fields, _now_s: float) -> None:
+        read = self._params_read.pop(str(fields["param_id"]), None)
+        if read is not None:
+            read.done(None)
+
+    def _poll_params(self, now_s: float) -> None:
+        for name, read in list(self._params_read.items()):
+            if now_s >= read.deadline_s:
+                del self._params_read[name]
+                read.done(None)
+            elif now_s >= read.resend_s:
+                read.resend_s = now_s + _PARAM_RESEND_S
+                self._outgoing.append(param_request_read(name))
