@@ -7,10 +7,11 @@ from daemon.estimation import clock, gate, quality
 from daemon.estimation.clock import ClockParameters, ClockState, Verdict
 from daemon.estimation.continuity import Outcome, compared
 from daemon.estimation.gate import Counts, GateParameters, Refusal, Sample
+from daemon.estimation.predictor import PredictorParameters
 from daemon.estimation.quality import Quality, QualityParameters
 from daemon.estimation.reset_tracker import ResetParameters, accumulated
 from daemon.estimation.slide import SETTLED, SlideParameters, SlideState
-from daemon.frames import is_finite, subtract
+from daemon.frames import clip_norm, is_finite, subtract
 from daemon.messages import ZERO3, EstimatedState, FrameShift, Imu, Odometry, Reset, Vec3
 
 
@@ -23,6 +24,7 @@ class EstimatorParameters:
     reset: ResetParameters = field(default_factory=ResetParameters)
     slide: SlideParameters = field(default_factory=SlideParameters)
     quality: QualityParameters = field(default_factory=QualityParameters)
+    predictor: PredictorParameters = field(default_factory=PredictorParameters)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,6 +73,7 @@ class Estimate:
     events: tuple[Event, ...]
     position_variance_m2: float
     quality: Quality
+    disagreement_rad: float = 0.0
 
 
 def initial(parameters: EstimatorParameters) -> EstimatorState:
@@ -107,7 +110,7 @@ def step(
         state.slide,
         state.sample,
         sample,
-        acceleration_ned_m_s2 if is_finite(acceleration_ned_m_s2) else ZERO3,
+        _believed(acceleration_ned_m_s2, parameters.predictor),
         clock_set=verdict is not Verdict.GOOD,
         rebooted=verdict is Verdict.REBOOTED,
         resets=parameters.reset,
@@ -135,6 +138,13 @@ _STAMP_REFUSALS = {
     Verdict.AHEAD: Refusal.STAMP_AHEAD,
 }
 _CLOCK_EVENTS = {Verdict.STEPPED: "clock_stepped", Verdict.REBOOTED: "autopilot_rebooted"}
+
+
+def _believed(acceleration_ned_m_s2: Vec3, parameters: PredictorParameters) -> Vec3:
+    """The commanded acceleration within its bound; zero when it is not finite."""
+    if not is_finite(acceleration_ned_m_s2):
+        return ZERO3
+    return clip_norm(acceleration_ned_m_s2, parameters.acceleration_max_m_s2)
 
 
 def _accepted(

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import exp
 
 from daemon.frames import clip_norm, integrate, is_finite
-from daemon.messages import EstimatedState, Quat, Vec3
+from daemon.messages import ZERO3, EstimatedState, Vec3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,34 +21,49 @@ class PredictorParameters:
     acceleration_max_m_s2: float = 40.0
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SentRates:
+    """Body rates commanded at ``time_s`` of the loop clock, in force until the next ones."""
+
+    time_s: float
+    rates_frd_rad_s: Vec3
+
+
 def predict(
     state: EstimatedState,
     to_time_s: float,
-    rates_command_frd_rad_s: Vec3,
     acceleration_ned_m_s2: Vec3,
+    commands: tuple[SentRates, ...] = (),
     *,
     parameters: PredictorParameters,
 ) -> EstimatedState:
     """The state at ``to_time_s``, at most ``horizon_s`` ahead and never back; finite whatever the arguments.
 
-    The body rates go from the measured ones to the command by the rate loop's dead time and lag; the attitude turns by
-    their mean. ``acceleration_ned_m_s2`` is the vehicle's own (thrust and gravity together), taken as constant.
-    A command that is not finite counts as none: rates stay, acceleration is zero.
+    ``acceleration_ned_m_s2`` is the vehicle's own (thrust and gravity together), taken as constant. ``commands`` are
+    the rates sent of late, oldest first: each acts after the rate loop's dead time and lag, before that the measured
+    rates stay. The attitude turns by the mean rates. What is not finite counts as none.
     """
     dt = to_time_s - state.time_s
     if not dt > 0.0:
         return state
     dt = min(dt, parameters.horizon_s)
-    measured = clip_norm(state.rates_frd_rad_s, parameters.rates_max_rad_s)
-    command = _bounded(rates_command_frd_rad_s, parameters.rates_max_rad_s, measured)
-    acceleration = _bounded(acceleration_ned_m_s2, parameters.acceleration_max_m_s2, (0.0, 0.0, 0.0))
-    dead, lag = parameters.rate_dead_time_s, parameters.rate_time_constant_s
-    px, mx = _axis(measured[0], command[0], dt, dead[0], lag[0])
-    py, my = _axis(measured[1], command[1], dt, dead[1], lag[1])
-    pz, mz = _axis(measured[2], command[2], dt, dead[2], lag[2])
+    acceleration = acceleration_ned_m_s2 if is_finite(acceleration_ned_m_s2) else ZERO3
+    acceleration = clip_norm(acceleration, parameters.acceleration_max_m_s2)
     position, velocity = moved(state.position_ned_m, state.velocity_ned_m_s, acceleration, dt)
-    attitude: Quat = integrate(state.attitude_wb, (mx, my, mz), dt)
-    return EstimatedState(state.time_s + dt, position, velocity, attitude, (px, py, pz), state.position_variance_m2)
+    mean, rates = _turned(state, commands, dt, parameters)
+    attitude = integrate(state.attitude_wb, mean, dt)
+    return EstimatedState(state.time_s + dt, position, velocity, attitude, rates, state.position_variance_m2)
+
+
+def remembered(
+    commands: tuple[SentRates, ...], now_s: float, rates_frd_rad_s: Vec3, *, parameters: PredictorParameters
+) -> tuple[SentRates, ...]:
+    """The commands with one more, without those that have been superseded for longer than any prediction looks back."""
+    oldest = now_s - parameters.horizon_s - max(parameters.rate_dead_time_s)
+    first = 0
+    while first + 1 < len(commands) and commands[first + 1].time_s < oldest:
+        first += 1
+    return (*commands[first:], SentRates(now_s, rates_frd_rad_s))
 
 
 def moved(position_ned_m: Vec3, velocity_ned_m_s: Vec3, acceleration_ned_m_s2: Vec3, dt_s: float) -> tuple[Vec3, Vec3]:
@@ -59,19 +74,45 @@ def moved(position_ned_m: Vec3, velocity_ned_m_s: Vec3, acceleration_ned_m_s2: V
     return (x + (vx + wx) * half, y + (vy + wy) * half, z + (vz + wz) * half), (wx, wy, wz)
 
 
-def _bounded(vector: Vec3, limit: float, otherwise: Vec3) -> Vec3:
-    """The vector no longer than ``limit``; ``otherwise`` when it is not finite."""
-    return clip_norm(vector, limit) if is_finite(vector) else otherwise
+def _turned(
+    state: EstimatedState, commands: tuple[SentRates, ...], dt_s: float, parameters: PredictorParameters
+) -> tuple[Vec3, Vec3]:
+    """Mean body rates over ``dt_s`` and rates at its end."""
+    limit = parameters.rates_max_rad_s
+    measured = clip_norm(state.rates_frd_rad_s, limit)
+    sent = [
+        (command.time_s - state.time_s, clip_norm(command.rates_frd_rad_s, limit))
+        for command in commands
+        if is_finite(command.rates_frd_rad_s)
+    ]
+    dead, lag = parameters.rate_dead_time_s, parameters.rate_time_constant_s
+    mean_x, x = _axis(measured[0], [(t, c[0]) for t, c in sent], dt_s, dead[0], lag[0])
+    mean_y, y = _axis(measured[1], [(t, c[1]) for t, c in sent], dt_s, dead[1], lag[1])
+    mean_z, z = _axis(measured[2], [(t, c[2]) for t, c in sent], dt_s, dead[2], lag[2])
+    return (mean_x, mean_y, mean_z), (x, y, z)
 
 
-def _axis(measured: float, command: float, dt_s: float, dead_time_s: float, lag_s: float) -> tuple[float, float]:
-    """Rate at the end of ``dt_s`` and mean rate over it."""
-    acting = dt_s - dead_time_s
-    if acting <= 0.0:
-        return measured, measured
-    if lag_s <= 0.0:
-        return command, (measured * dead_time_s + command * acting) / dt_s
-    left = exp(-acting / lag_s)
-    end = command + (measured - command) * left
-    turned = measured * dead_time_s + command * acting + (measured - command) * lag_s * (1.0 - left)
-    return end, turned / dt_s
+def _axis(
+    rate: float, sent: list[tuple[float, float]], dt_s: float, dead_time_s: float, lag_s: float
+) -> tuple[float, float]:
+    """Mean rate over ``dt_s`` and rate at its end; ``sent`` are the times, from the beginning, and the commands."""
+    elapsed, angle, command = 0.0, 0.0, rate
+    for time_s, following in sent:
+        acts = time_s + dead_time_s
+        if acts >= dt_s:
+            break
+        if acts > elapsed:
+            turned, rate = _lagged(rate, command, acts - elapsed, lag_s)
+            angle += turned
+            elapsed = acts
+        command = following
+    turned, rate = _lagged(rate, command, dt_s - elapsed, lag_s)
+    return (angle + turned) / dt_s, rate
+
+
+def _lagged(rate: float, command: float, dt_s: float, lag_s: float) -> tuple[float, float]:
+    """Angle turned, and rate at the end, of a first-order lag."""
+    if rate == command:
+        return command * dt_s, command
+    left = exp(-dt_s / lag_s) if lag_s > 0.0 else 0.0
+    return command * dt_s + (rate - command) * lag_s * (1.0 - left), command + (rate - command) * left

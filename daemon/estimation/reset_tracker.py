@@ -31,8 +31,8 @@ HEADING = "heading"
 class ResetParameters:
     """What a prediction from sample to sample may miss, and the policy.
 
-    ``*_noise_*``: innovations of recorded flights stay below 0.03 m, 0.06 m/s and 0.4 deg in 999 of 1000; ``acceleration_unknown_m_s2``
-    and ``yaw_acceleration_unknown_rad_s2`` widen them with the time between the samples.
+    ``*_noise_*``: of recorded innovations 999 of 1000 are within 0.04 m, 0.06 m/s and 0.3 deg.
+    ``acceleration_unknown_m_s2`` and ``yaw_acceleration_unknown_rad_s2`` widen them with the time between the samples.
     ``gap_s``: after a longer silence the prediction says nothing.
     ``reset_max_m``: a larger jump of position is the return of the truth. ``variance_trusted_m2``: so is one after a
     position whose variance was larger.
