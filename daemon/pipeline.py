@@ -12,8 +12,10 @@ from daemon.control.controller import ControlRecord, ControlState
 from daemon.control.parameters import ControlParameters
 from daemon.estimation import estimator, predictor
 from daemon.estimation.estimator import Estimate, EstimatorParameters, EstimatorState
-from daemon.guidance.brake import BrakePlan, brake
+from daemon.estimation.predictor import PredictorParameters, SentRates
+from daemon.guidance.brake import brake
 from daemon.guidance.limits import MotionLimits
+from daemon.guidance.plan import Plan
 from daemon.messages import (
     WINDOW_SPACING_S,
     ZERO3,
@@ -40,6 +42,7 @@ class Parameters:
     """All that the flow can be tuned by. ``command_latency_s``: from sending a setpoint until it acts."""
 
     estimator: EstimatorParameters
+    predictor: PredictorParameters
     control: ControlParameters
     limits: MotionLimits
     bounds: Bounds
@@ -68,8 +71,9 @@ class PipelineState:
     control: ControlState
     supervision: Supervision
     acceleration_ned_m_s2: Vec3 = ZERO3
+    sent: tuple[SentRates, ...] = ()
     flown: Reference | None = None
-    braking: BrakePlan | None = None
+    braking: Plan | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,10 +120,16 @@ def step(
     how = safety.drive(supervision, conditions)
     act_s = now_s + parameters.command_latency_s
     predicted = estimate.newest and predictor.predict(
-        estimate.newest, act_s, state.acceleration_ned_m_s2, parameters=parameters.estimator.predictor
+        estimate.newest, act_s, state.acceleration_ned_m_s2, state.sent, parameters=parameters.predictor
     )
     state = _with_supervision(state, supervision, inputs.window, predicted, estimate.shift, act_s, parameters)
     state, setpoint, control = _command(state, how, estimate.newest, predicted, dt_s, parameters.control)
+    sent = (
+        ()
+        if setpoint is None
+        else predictor.remembered(state.sent, now_s, setpoint.rates_frd_rad_s, parameters=parameters.predictor)
+    )
+    state = replace(state, sent=sent)
     record = Record(
         now_s=now_s,
         dt_s=dt_s,
@@ -215,7 +225,7 @@ def _command(
     if how is Drive.SILENT:
         return state, None, None
     if newest is None or predicted is None:
-        return state, controller.blind(state.control, parameters=parameters), None
+        return state, Setpoint(ZERO3, state.control.model.hover_thrust), None
     if how is Drive.MATCH:
         return state, controller.match(state.control, newest, parameters=parameters), None
     if how is Drive.LEVEL or state.flown is None:

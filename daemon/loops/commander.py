@@ -57,6 +57,9 @@ class Commander:
     @property
     def state(self) -> State:
         """The supervisor's state."""
+        return self._state()
+
+    def _state(self) -> State:
         record = self._record.value
         return record.supervision.state if record else State.DISCONNECTED
 

@@ -48,7 +48,7 @@ class ControlTask:
             self._gate.latch()
         inputs = self._read()
         self._state, setpoint, record = pipeline.step(self._state, inputs, now_s, dt_s)
-        self._gate.tick(setpoint, self._state.control.hover_thrust)
+        self._gate.tick(setpoint, self._state.control.model.hover_thrust)
         for mode in record.modes:
             self._autopilot.request_mode(mode)
         self.record.set(record)

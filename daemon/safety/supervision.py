@@ -38,7 +38,10 @@ class Drive(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Supervision:
-    """State of the supervisor. ``asked_mode`` is the mode that we asked the autopilot for and have not seen yet."""
+    """State of the supervisor. ``asked_mode`` is the mode that we asked the autopilot for and have not seen yet;
+
+    ``left`` is the reason for which the vehicle was last given back, whatever came after it.
+    """
 
     state: State = State.DISCONNECTED
     since_s: float = -inf
@@ -47,6 +50,7 @@ class Supervision:
     asked_mode: FlightMode | None = None
     asked_s: float = -inf
     asks: int = 0
+    left: str = ""
     lost_while_ours: bool = False
     memory: Memory = field(default_factory=Memory)
 
@@ -140,6 +144,8 @@ def _enter(
     supervision: Supervision, state: State, reason: str, fresh: VehicleRequest | None, now_s: float
 ) -> tuple[Supervision, tuple[FlightMode, ...]]:
     was_ours = supervision.state in OURS
+    if supervision.state in FLYING and state not in FLYING:
+        supervision = replace(supervision, left=reason)
     supervision = replace(supervision, state=state, since_s=now_s, reason=reason, asked_mode=None, asked_s=-inf, asks=0)
     if state is State.RELEASING:
         mode = _MODE_OF[fresh.kind] if fresh is not None and fresh.kind in _MODE_OF else FlightMode.HOLD

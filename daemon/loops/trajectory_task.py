@@ -1,0 +1,303 @@
+"""The trajectory task: owns the goal, publishes the reference window, says when the goal is reached.
+
+It runs at 10 Hz and at once when a goal comes, the vehicle changes hands or the estimate jumps. A new plan starts from
+the reference that is being flown, so position, velocity and acceleration go on without a step.
+"""
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import degrees
+from typing import Protocol
+
+from daemon import frames
+from daemon.guidance import planner
+from daemon.guidance.brake import brake
+from daemon.guidance.convergence import Tolerance, converged
+from daemon.guidance.goals import Goal, WaypointGoal
+from daemon.guidance.limits import MotionLimits
+from daemon.guidance.parameters import GuidanceParameters
+from daemon.guidance.plan import Plan
+from daemon.guidance.waypoint_modes import Pose, PoseError, WaypointMode, pose_error
+from daemon.latest import Latest
+from daemon.loops.goal_book import GoalBook, GoalEntry
+from daemon.loops.grid import Grid
+from daemon.messages import (
+    WINDOW_SPACING_S,
+    AutopilotStatus,
+    EstimatedState,
+    FrameShift,
+    Reference,
+    ReferenceWindow,
+    VehicleRequest,
+)
+from daemon.pipeline import Record
+from daemon.safety.supervisor import FLYING, State
+
+WAITING = frozenset({State.READY, State.ENGAGING, State.PILOT, State.FAULT})
+REST_SPEED_M_S = 0.3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GoalOrder:
+    """A goal as the service hands it over. ``resolve`` makes it anew for an autopilot whose origin has moved."""
+
+    goal_id: str
+    kind: str
+    goal: Goal
+    limits: MotionLimits
+    timeout_s: float | None = None
+    resolve: Callable[[AutopilotStatus], Goal] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far the active goal is; angles in radians."""
+
+    goal_id: str
+    kind: str
+    distance_m: float
+    angle_rad: float
+    progress: float
+    eta_s: float
+
+
+class GoalListener(Protocol):
+    """Who is told what becomes of goals."""
+
+    def goal_progress(self, progress: Progress) -> None:
+        """At each tick of the task while a goal is active."""
+
+    def goal_ended(self, entry: GoalEntry) -> None:
+        """Exactly once for each goal."""
+
+
+@dataclass(slots=True)
+class _Active:
+    order: GoalOrder
+    entry: GoalEntry
+    plan: Plan | None = None
+    within_since_s: float | None = None
+    reached_s: float | None = None
+    canceled: bool = False
+    shift: FrameShift = field(default_factory=FrameShift)
+
+
+class TrajectoryTask:
+    """Writes ``window``; everything else it reads. ``submit``, ``update`` and ``cancel`` are the mailbox."""
+
+    def __init__(
+        self,
+        grid: Grid,
+        record: Latest[Record | None],
+        request: Latest[VehicleRequest | None],
+        status: Latest[AutopilotStatus],
+        limits: Callable[[], MotionLimits],
+        parameters: Callable[[], GuidanceParameters],
+        window_s: float,
+    ) -> None:
+        self.window: Latest[ReferenceWindow | None] = Latest(None)
+        self.plan: Latest[Plan | None] = Latest(None)
+        self.book = GoalBook()
+        self.progress: Progress | None = None
+        self.listeners: list[GoalListener] = []
+        self.grid = grid
+        self._record = record
+        self._request = request
+        self._status = status
+        self._limits = limits
+        self._parameters = parameters
+        self._count = round(window_s / WINDOW_SPACING_S)
+        self._active: _Active | None = None
+        self._rest: Plan | None = None
+        self._shift = FrameShift()
+        self._failure: Exception | None = None
+        self._woken = False
+
+    @property
+    def goal_id(self) -> str | None:
+        """The active goal."""
+        return self._active.order.goal_id if self._active else None
+
+    async def run(self) -> None:
+        """Tick until cancelled."""
+        await self.grid.run(self._on_grid)
+
+    def submit(self, order: GoalOrder) -> str | None:
+        """Take a goal; the one that was active ends ``preempted``, and its id is returned."""
+        now_s = asyncio.get_running_loop().time()
+        preempted = self.goal_id
+        self._end("preempted", by=order.goal_id)
+        self._active = _Active(order, self.book.open(order.goal_id, order.kind, now_s))
+        self.wake()
+        return preempted
+
+    def update(self, order: GoalOrder) -> None:
+        """Move the active goal without ending it."""
+        if self._active is None:
+            return
+        self._active.order = order
+        self._active.plan = None
+        self._active.within_since_s = self._active.reached_s = None
+        self.wake()
+
+    def cancel(self) -> None:
+        """Brake; the result ``canceled`` follows when the vehicle is at rest."""
+        if self._active is not None and not self._active.canceled:
+            self._active.canceled = True
+            self._active.plan = None
+            self.wake()
+
+    def abort(self, goal_id: str, reason: str) -> None:
+        """End a goal that cannot be flown; the vehicle brakes and holds."""
+        if self.goal_id == goal_id:
+            self._end("aborted", reason=reason)
+            self.wake()
+
+    def wake(self) -> None:
+        """Tick at the next pass of the loop."""
+        if not self._woken:
+            self._woken = True
+            asyncio.get_running_loop().call_soon(self._on_wake)
+
+    def on_control_tick(self, record: Record, before: State | None) -> None:
+        """Called by whoever watches the control task: the vehicle changed hands, or the estimate jumped."""
+        if before is not record.supervision.state or record.estimate.reset is not None:
+            self.wake()
+
+    def _on_wake(self) -> None:
+        self._woken = False
+        try:
+            self.tick(asyncio.get_running_loop().time())
+        except Exception as error:  # noqa: BLE001 - comes out of run() at the next tick of the grid
+            self._failure = error
+
+    def _on_grid(self, now_s: float, _dt_s: float) -> None:
+        if self._failure is not None:
+            raise self._failure
+        self.tick(now_s)
+        if self.progress is not None:
+            for listener in self.listeners:
+                listener.goal_progress(self.progress)
+
+    def tick(self, now_s: float) -> None:
+        """Read, plan, publish."""
+        record = self._record.value
+        if record is None:
+            return
+        if record.supervision.state not in FLYING or record.reference is None:
+            self._give_up(record)
+            return
+        self._follow_resets(record.estimate.shift)
+        plan = self._current_plan(record.reference)
+        if self._active is not None and record.estimate.newest is not None:
+            self._judge(self._active, plan, record.estimate.newest, now_s)
+            plan = self._current_plan(record.reference)
+        self.plan.set(plan)
+        self.window.set(
+            ReferenceWindow(self.goal_id, plan.window(record.reference.time_s, self._count), record.estimate.shift)
+        )
+
+    def _give_up(self, record: Record) -> None:
+        """The vehicle is not ours (any more): its goal ends, unless it waits for the engage that comes with it."""
+        self._rest = None
+        self.plan.set(None)
+        self.window.set(None)
+        self._shift = record.estimate.shift
+        if self._active is None or (self._active.plan is None and record.supervision.state in WAITING):
+            return
+        request = self._request.value
+        if record.supervision.left == "requested" and request is not None:
+            self._end("canceled", reason=f"vehicle.{request.kind.value}")
+        else:
+            self._end("aborted", reason=record.supervision.left or record.supervision.reason)
+
+    def _follow_resets(self, shift: FrameShift) -> None:
+        """Plans keep their physical place; a goal that was given on the globe is made anew from the origin."""
+        if shift.count == self._shift.count:
+            return
+        dp = frames.subtract(shift.position_ned_m, self._shift.position_ned_m)
+        dv = frames.subtract(shift.velocity_ned_m_s, self._shift.velocity_ned_m_s)
+        dyaw = shift.yaw_rad - self._shift.yaw_rad
+        self._shift = shift
+        if self._rest is not None:
+            self._rest = self._rest.shifted(dp, dv, dyaw, shift.time_s)
+        active = self._active
+        if active is not None and active.plan is not None:
+            active.plan = None if active.order.resolve else active.plan.shifted(dp, dv, dyaw, shift.time_s)
+
+    def _current_plan(self, flown: Reference) -> Plan:
+        active = self._active
+        if active is None:
+            if self._rest is None:
+                self._rest = brake(flown, self._limits())
+            return self._rest
+        if active.plan is None:
+            self._rest = None
+            if active.canceled:
+                active.plan = brake(flown, self._limits())
+            else:
+                order = active.order
+                goal = order.resolve(self._status.value) if order.resolve else order.goal
+                active.plan = planner.plan(flown, goal, order.limits, self._parameters())
+        return active.plan
+
+    def _judge(self, active: _Active, plan: Plan, state: EstimatedState, now_s: float) -> None:
+        """Progress, convergence, time-out, and the end of a canceled goal."""
+        order = active.order
+        waypoint = order.goal if isinstance(order.goal, WaypointGoal) else None
+        mode = waypoint.mode if waypoint else WaypointMode.FULL_POSE
+        target = plan.target
+        error = pose_error(
+            mode,
+            Pose(state.position_ned_m, frames.from_yaw(frames.yaw_of(state.attitude_wb))),
+            Pose(target.position_ned_m, frames.from_yaw(target.yaw_rad)),
+        )
+        active.entry.error_m, active.entry.error_deg = error.position_m, degrees(error.angle_rad)
+        self.progress = Progress(
+            order.goal_id, order.kind, error.position_m, error.angle_rad, plan.progress(now_s), plan.end_s - now_s
+        )
+        speed = frames.norm(state.velocity_ned_m_s)
+        if active.canceled:
+            if now_s >= plan.end_s and speed < REST_SPEED_M_S:
+                self._finish("canceled", plan)
+            return
+        if order.timeout_s is not None and now_s - active.entry.accepted_s >= order.timeout_s:
+            self._end("aborted", reason="timeout")
+            return
+        self._judge_convergence(active, waypoint, plan, error, speed, now_s)
+
+    def _judge_convergence(
+        self,
+        active: _Active,
+        waypoint: WaypointGoal | None,
+        plan: Plan,
+        error: PoseError,
+        speed_m_s: float,
+        now_s: float,
+    ) -> None:
+        if active.reached_s is None:
+            if waypoint is None and now_s < plan.end_s:
+                return
+            criterion = waypoint.convergence if waypoint else Tolerance()
+            active.within_since_s, reached = converged(criterion, active.within_since_s, error, speed_m_s, now_s)
+            if not reached:
+                return
+            active.reached_s = now_s
+        if now_s - active.reached_s >= (waypoint.hold_s if waypoint else 0.0):
+            self._finish("succeeded", plan)
+
+    def _finish(self, outcome: str, plan: Plan) -> None:
+        """The goal ended where its plan leads: the plan goes on as the place to hold."""
+        self._end(outcome)
+        self._rest = plan
+
+    def _end(self, outcome: str, *, by: str | None = None, reason: str | None = None) -> None:
+        active, self._active, self.progress = self._active, None, None
+        if active is None:
+            return
+        entry = active.entry
+        entry.outcome, entry.by, entry.reason = outcome, by, reason
+        entry.duration_s = asyncio.get_running_loop().time() - entry.accepted_s
+        for listener in self.listeners:
+            listener.goal_ended(entry)
