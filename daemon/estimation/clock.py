@@ -17,19 +17,20 @@ class ClockParameters:
     ``telemetry_latency_s``: age of the quickest sample, which no envelope sees. Measured on ODOMETRY against the
     quickest TIMESYNC: 5 ms, plus what TIMESYNC itself takes; with it the age is 13 ms in the median.
     ``drift_margin``: rise of the envelope beyond the drift, in seconds a second; ``drift_max`` bounds the drift.
-    ``drift_window_s``: the drift is the slope between the lowest offsets of such windows, low-passed over
-    ``drift_smoothing`` windows.
-    ``step_s``: a lag that comes at once and is larger may be a step; it is one after ``step_samples`` samples that
-    agree within ``agreement_s``. Samples that are early or out of order by more than ``ahead_s`` wait for that too.
+    ``drift_window_s``: the drift is the slope between the lowest offsets of such windows, averaged over the last
+    ``drift_windows``.
+    ``step_s``: a lag that comes at once and is larger may be a step; it is one after ``step_samples`` samples within
+    ``agreement_s`` of the first (a burst drains faster: 8 ms a sample). Stamps that go back, or are early by more than
+    ``ahead_s``, wait for that too.
     """
 
     telemetry_latency_s: float = 0.008
     drift_margin: float = 0.005
     drift_max: float = 0.03
     drift_window_s: float = 1.0
-    drift_smoothing: float = 4.0
+    drift_windows: int = 4
     step_s: float = 0.02
-    step_samples: int = 5
+    step_samples: int = 3
     agreement_s: float = 0.01
     ahead_s: float = 0.3
 
@@ -49,7 +50,9 @@ class Verdict(Enum):
 class ClockState:
     """``offset_s``: loop time minus autopilot time at ``stamp_us``; the rest is the memory of drift and step.
 
-    ``candidate_*``: the offset that a run of ``candidate_count`` samples agrees on but the envelope does not.
+    ``window_*``: where the running window began, its lowest offset, that of the window before it; ``slopes`` counts
+    what the drift has been averaged over. ``lag_s``: of the newest sample. ``candidate_s``: the offset that began a
+    run of ``candidate_count`` samples off the envelope.
     """
 
     stamp_us: int
@@ -58,14 +61,15 @@ class ClockState:
     window_stamp_us: int
     window_low_s: float
     window_before_s: float | None
+    slopes: int
     lag_s: float
     candidate_s: float
     candidate_count: int
 
 
-def started(stamp_us: int, offset_s: float, drift: float) -> ClockState:
-    """A clock that knows one sample."""
-    return ClockState(stamp_us, offset_s, drift, stamp_us, offset_s, None, 0.0, 0.0, 0)
+def started(stamp_us: int, offset_s: float, drift: float, slopes: int) -> ClockState:
+    """A clock that knows one sample, and the drift of before."""
+    return ClockState(stamp_us, offset_s, drift, stamp_us, offset_s, None, slopes, 0.0, 0.0, 0)
 
 
 def observe(
@@ -77,7 +81,7 @@ def observe(
     """
     observed = arrival_s - stamp_us * 1e-6
     if state is None:
-        return started(stamp_us, observed, 0.0), Verdict.GOOD
+        return started(stamp_us, observed, 0.0, 0), Verdict.GOOD
     if stamp_us == state.stamp_us:
         return state, Verdict.REPEATED
     dt = (stamp_us - state.stamp_us) * 1e-6
@@ -99,12 +103,12 @@ def _candidate(
     apart = abs(lag) > parameters.step_s
     agrees = state.candidate_count > 0 and abs(observed - state.candidate_s) <= parameters.agreement_s
     count = state.candidate_count + 1 if agrees else 1
-    lowest = min(state.candidate_s, observed) if agrees else observed
+    first = state.candidate_s if agrees else observed
     if not apart:
         count = 0
     if count >= parameters.step_samples:
-        rebooted = lowest - state.offset_s > parameters.ahead_s and stamp_us < state.stamp_us
-        return started(stamp_us, lowest, state.drift), Verdict.REBOOTED if rebooted else Verdict.STEPPED
+        verdict = Verdict.REBOOTED if stamp_us < state.stamp_us and lag > parameters.ahead_s else Verdict.STEPPED
+        return started(stamp_us, min(first, observed), state.drift, state.slopes), verdict
     waiting = ClockState(
         state.stamp_us,
         state.offset_s,
@@ -112,8 +116,9 @@ def _candidate(
         state.window_stamp_us,
         state.window_low_s,
         state.window_before_s,
+        state.slopes,
         state.lag_s,
-        lowest,
+        first,
         count,
     )
     if stamp_us < state.stamp_us:
@@ -125,16 +130,18 @@ def _followed(
     state: ClockState, stamp_us: int, observed: float, offset: float, parameters: ClockParameters
 ) -> ClockState:
     """The envelope after a good sample, with the drift brought up to date when a window is full."""
-    drift, start, low, before = state.drift, state.window_stamp_us, state.window_low_s, state.window_before_s
+    drift, slopes = state.drift, state.slopes
+    start, low, before = state.window_stamp_us, min(state.window_low_s, observed), state.window_before_s
     span = (stamp_us - start) * 1e-6
-    low = min(low, observed)
     if span >= parameters.drift_window_s:
         if before is not None:
             slope = max(-parameters.drift_max, min(parameters.drift_max, (low - before) / span))
-            drift += (slope - drift) / parameters.drift_smoothing
+            slopes = min(slopes + 1, parameters.drift_windows)
+            drift += (slope - drift) / slopes
         start, low, before = stamp_us, observed, low
+    lag = observed - offset
     return ClockState(
-        stamp_us, offset, drift, start, low, before, observed - offset, state.candidate_s, state.candidate_count
+        stamp_us, offset, drift, start, low, before, slopes, lag, state.candidate_s, state.candidate_count
     )
 
 

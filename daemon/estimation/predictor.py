@@ -78,36 +78,38 @@ def _turned(
     state: EstimatedState, commands: tuple[SentRates, ...], dt_s: float, parameters: PredictorParameters
 ) -> tuple[Vec3, Vec3]:
     """Mean body rates over ``dt_s`` and rates at its end."""
-    limit = parameters.rates_max_rad_s
-    measured = clip_norm(state.rates_frd_rad_s, limit)
-    sent = [
-        (command.time_s - state.time_s, clip_norm(command.rates_frd_rad_s, limit))
-        for command in commands
-        if is_finite(command.rates_frd_rad_s)
-    ]
-    dead, lag = parameters.rate_dead_time_s, parameters.rate_time_constant_s
-    mean_x, x = _axis(measured[0], [(t, c[0]) for t, c in sent], dt_s, dead[0], lag[0])
-    mean_y, y = _axis(measured[1], [(t, c[1]) for t, c in sent], dt_s, dead[1], lag[1])
-    mean_z, z = _axis(measured[2], [(t, c[2]) for t, c in sent], dt_s, dead[2], lag[2])
+    (mean_x, x), (mean_y, y), (mean_z, z) = (_axis(axis, state, commands, dt_s, parameters) for axis in (0, 1, 2))
     return (mean_x, mean_y, mean_z), (x, y, z)
 
 
 def _axis(
-    rate: float, sent: list[tuple[float, float]], dt_s: float, dead_time_s: float, lag_s: float
+    axis: int, state: EstimatedState, commands: tuple[SentRates, ...], dt_s: float, parameters: PredictorParameters
 ) -> tuple[float, float]:
-    """Mean rate over ``dt_s`` and rate at its end; ``sent`` are the times, from the beginning, and the commands."""
-    elapsed, angle, command = 0.0, 0.0, rate
-    for time_s, following in sent:
-        acts = time_s + dead_time_s
-        if acts >= dt_s:
+    """Mean rate of one axis over ``dt_s`` and rate at its end: one lag after the other, as the commands take effect."""
+    limit, lag = parameters.rates_max_rad_s, parameters.rate_time_constant_s[axis]
+    acting_since = state.time_s - parameters.rate_dead_time_s[axis]
+    rate = _believed(state.rates_frd_rad_s[axis], limit)
+    following = len(commands)
+    while following > 0 and commands[following - 1].time_s > acting_since:
+        following -= 1
+    command = _believed(commands[following - 1].rates_frd_rad_s[axis], limit) if following > 0 else rate
+    elapsed, angle = 0.0, 0.0
+    for sent in commands[following:]:
+        acts = sent.time_s - acting_since
+        if not acts < dt_s:
             break
-        if acts > elapsed:
-            turned, rate = _lagged(rate, command, acts - elapsed, lag_s)
-            angle += turned
-            elapsed = acts
-        command = following
-    turned, rate = _lagged(rate, command, dt_s - elapsed, lag_s)
+        turned, rate = _lagged(rate, command, acts - elapsed, lag)
+        angle += turned
+        elapsed, command = acts, _believed(sent.rates_frd_rad_s[axis], limit)
+    turned, rate = _lagged(rate, command, dt_s - elapsed, lag)
     return (angle + turned) / dt_s, rate
+
+
+def _believed(rate: float, limit: float) -> float:
+    """The rate within its bound; zero when it is not a number."""
+    if -limit <= rate <= limit:
+        return rate
+    return limit if rate > limit else -limit if rate < -limit else 0.0
 
 
 def _lagged(rate: float, command: float, dt_s: float, lag_s: float) -> tuple[float, float]:
