@@ -1,0 +1,216 @@
+"""The reference filter as it is flown: position and heading, saturated, stepped as far as it is asked for."""
+
+from dataclasses import replace
+from math import floor, hypot, log, sqrt
+
+from daemon.frames import add, clamp, wrap_pi
+from daemon.guidance.limits import MotionLimits
+from daemon.guidance.parameters import GuidanceParameters
+from daemon.guidance.plan import Plan
+from daemon.guidance.saturation import Cascade, approach_speed, cascade, step_axis, step_plane
+from daemon.messages import WINDOW_SPACING_S, ZERO3, Reference, Vec3
+
+_REST_M = 1e-7  # error, in metres, radians and their rates, below which the filter counts as resting at its goal
+_ARRIVAL_M = 0.05  # distance at which the estimate of the time to go ends
+_SETTLING = 2.4  # time constants by which three equal poles settle later than one
+_OUTLINE_STEPS_1_RAD = 0.1  # the outline's step in units of 1 / omega
+
+Node = tuple[float, ...]  # px py pz vx vy vz ax ay az yaw yaw_rate jx jy jz yaw_acceleration
+
+
+class FilterPlan(Plan):
+    """From a flown reference to a position and heading, the heading the shorter way.
+
+    Horizontal speed, acceleration and jerk are bounded as lengths of vectors, vertical ones by themselves; from a
+    start outside of them the reference returns into them first. Between two steps the jerk is constant, so any time
+    may be sampled exactly. The plan does not change; the steps made so far are kept (about 10 us each).
+    """
+
+    def __init__(
+        self,
+        start: Reference,
+        position_ned_m: Vec3,
+        yaw_rad: float,
+        limits: MotionLimits,
+        parameters: GuidanceParameters,
+        step_s: float = WINDOW_SPACING_S,
+    ) -> None:
+        self.start_s = start.time_s
+        self._start = start
+        self._goal = position_ned_m
+        self._goal_yaw = start.yaw_rad + wrap_pi(yaw_rad - start.yaw_rad)
+        self._limits = limits
+        self._parameters = parameters
+        self._step_s = step_s
+        self._plane, self._vertical = _cascades(limits, parameters, step_s)
+        self._nodes: list[Node] = []
+        self._after: Node | None = (
+            *start.position_ned_m,
+            *start.velocity_ned_m_s,
+            *start.acceleration_ned_m_s2,
+            start.yaw_rad,
+            start.yaw_rate_rad_s,
+        )
+
+    @property
+    def end_s(self) -> float:
+        """When the filter comes within 5 cm of the goal: estimated from its law until it has been stepped to rest."""
+        if self._after is None:
+            return self.start_s + len(self._nodes) * self._step_s
+        across = _duration_s(self._plane, self._offset()[:2], self._start.velocity_ned_m_s[:2])
+        down = _duration_s(self._vertical, self._offset()[2:], self._start.velocity_ned_m_s[2:])
+        turn = abs(self._goal_yaw - self._start.yaw_rad) / self._limits.yaw_rate_rad_s
+        if turn > 0.0:
+            turn += 2.0 / self._parameters.omega_yaw_rad_s
+        return self.start_s + max(across, down, turn)
+
+    @property
+    def target(self) -> Reference:
+        """Rest at the goal."""
+        return Reference(time_s=self.end_s, position_ned_m=self._goal, yaw_rad=wrap_pi(self._goal_yaw))
+
+    def sample(self, time_s: float) -> Reference:
+        """The filter's output at a time."""
+        since_s = max(0.0, time_s - self.start_s)
+        index = floor(since_s / self._step_s)
+        node = self._node(index)
+        if node is None:
+            return Reference(time_s=time_s, position_ned_m=self._goal, yaw_rad=wrap_pi(self._goal_yaw))
+        return _within(node, since_s - index * self._step_s, time_s)
+
+    def outline(self, count: int = 100) -> tuple[Reference, ...]:
+        """The path of a twin of this plan with coarser steps: a tenth of the work, equal to some centimetres."""
+        coarse_s = max(self._step_s, _OUTLINE_STEPS_1_RAD / self._parameters.omega_rad_s)
+        twin = FilterPlan(self._start, self._goal, self._goal_yaw, self._limits, self._parameters, coarse_s)
+        spacing_s = (self.end_s - self.start_s) / max(1, count - 1)
+        return tuple(twin.sample(self.start_s + i * spacing_s) for i in range(count))
+
+    def shifted(self, dp_ned_m: Vec3, dv_ned_m_s: Vec3, dyaw_rad: float, at_s: float) -> Plan:
+        """Moved with the estimate; after a velocity jump the filter goes on from the shifted state."""
+        if dv_ned_m_s == ZERO3:
+            return super().shifted(dp_ned_m, dv_ned_m_s, dyaw_rad, at_s)
+        now = self.sample(at_s)
+        start = replace(
+            now,
+            position_ned_m=add(now.position_ned_m, dp_ned_m),
+            velocity_ned_m_s=add(now.velocity_ned_m_s, dv_ned_m_s),
+            yaw_rad=wrap_pi(now.yaw_rad + dyaw_rad),
+        )
+        goal = add(self._goal, dp_ned_m)
+        return FilterPlan(start, goal, self._goal_yaw + dyaw_rad, self._limits, self._parameters, self._step_s)
+
+    def _offset(self) -> Vec3:
+        goal, now = self._goal, self._start.position_ned_m
+        return (goal[0] - now[0], goal[1] - now[1], goal[2] - now[2])
+
+    def _node(self, index: int) -> Node | None:
+        """State and jerk at the beginning of a step; None when the filter rests by then."""
+        nodes = self._nodes
+        while index >= len(nodes):
+            if self._after is None:
+                return None
+            node = self._step(self._after)
+            self._after = None if node is None else _advance(node, self._step_s)
+            if node is not None:
+                nodes.append(node)
+        return nodes[index]
+
+    def _step(self, state: Node) -> Node | None:
+        """The state with the jerk of the step that begins there; None at rest in the goal."""
+        px, py, pz, vx, vy, vz, ax, ay, az, yaw, yaw_rate = state
+        gx, gy, gz = self._goal
+        to_yaw = self._goal_yaw - yaw
+        largest = max(map(abs, (gx - px, gy - py, gz - pz, vx, vy, vz, ax, ay, az, to_yaw, yaw_rate)))
+        if largest < _REST_M:
+            return None
+        jx, jy = step_plane(self._plane, gx - px, gy - py, vx, vy, ax, ay)
+        jz = step_axis(self._vertical, gz - pz, vz, az)
+        return (*state, jx, jy, jz, self._yaw_acceleration(to_yaw, yaw_rate))
+
+    def _yaw_acceleration(self, to_goal_rad: float, rate_rad_s: float) -> float:
+        """Second order, critically damped, saturated: the heading's law, rad/s^2."""
+        limits, omega = self._limits, self._parameters.omega_yaw_rad_s
+        speed = approach_speed(abs(to_goal_rad), 0.5 * omega, 0.7 * limits.yaw_acceleration_rad_s2)
+        speed = min(speed, limits.yaw_rate_rad_s)
+        wanted = 2.0 * omega * ((speed if to_goal_rad >= 0.0 else -speed) - rate_rad_s)
+        return clamp(wanted, -limits.yaw_acceleration_rad_s2, limits.yaw_acceleration_rad_s2)
+
+
+def _cascades(limits: MotionLimits, parameters: GuidanceParameters, step_s: float) -> tuple[Cascade, Cascade]:
+    """Gains of the horizontal and of the vertical filter."""
+    horizontal = cascade(
+        omega_rad_s=parameters.omega_rad_s,
+        zeta=parameters.zeta,
+        speed_high_m_s=limits.speed_m_s,
+        speed_low_m_s=-limits.speed_m_s,
+        acceleration_m_s2=limits.acceleration_m_s2,
+        jerk_m_s3=limits.jerk_m_s3,
+        dt_s=step_s,
+    )
+    vertical = cascade(
+        omega_rad_s=parameters.omega_rad_s,
+        zeta=parameters.zeta,
+        speed_high_m_s=limits.descent_m_s,
+        speed_low_m_s=-limits.climb_m_s,
+        acceleration_m_s2=limits.vertical_acceleration_m_s2,
+        jerk_m_s3=limits.jerk_m_s3,
+        dt_s=step_s,
+    )
+    return horizontal, vertical
+
+
+def _advance(node: Node, dt: float) -> Node:
+    """The state ``dt`` after a node, jerk constant."""
+    px, py, pz, vx, vy, vz, ax, ay, az, yaw, yaw_rate, jx, jy, jz, yaw_acceleration = node
+    half, sixth = 0.5 * dt * dt, dt * dt * dt / 6.0
+    return (
+        px + vx * dt + ax * half + jx * sixth,
+        py + vy * dt + ay * half + jy * sixth,
+        pz + vz * dt + az * half + jz * sixth,
+        vx + ax * dt + jx * half,
+        vy + ay * dt + jy * half,
+        vz + az * dt + jz * half,
+        ax + jx * dt,
+        ay + jy * dt,
+        az + jz * dt,
+        yaw + yaw_rate * dt + yaw_acceleration * half,
+        yaw_rate + yaw_acceleration * dt,
+    )
+
+
+def _within(node: Node, dt: float, time_s: float) -> Reference:
+    """The reference ``dt`` after a node."""
+    px, py, pz, vx, vy, vz, ax, ay, az, yaw, yaw_rate = _advance(node, dt)
+    return Reference(time_s, (px, py, pz), (vx, vy, vz), (ax, ay, az), node[11:14], wrap_pi(yaw), yaw_rate)  # type: ignore[arg-type]
+
+
+def _duration_s(gains: Cascade, offset_m: tuple[float, ...], velocity_m_s: tuple[float, ...]) -> float:
+    """Time to come within reach of the goal: run up, cruise, brake with constant deceleration, settle."""
+    distance = hypot(*offset_m)
+    if distance < _ARRIVAL_M and hypot(*velocity_m_s) < _ARRIVAL_M:
+        return 0.0
+    top = gains.speed_high_m_s if len(offset_m) == 2 or offset_m[0] >= 0.0 else -gains.speed_low_m_s
+    towards = sum(o * v for o, v in zip(offset_m, velocity_m_s, strict=True)) / max(distance, _ARRIVAL_M)
+    gain, braking, limit = gains.velocity_gain_1_s, gains.braking_m_s2, gains.acceleration_m_s2
+    linear_m = braking / gain**2
+    zeta = 0.5 * (gains.jerk_gain_1_s / gains.acceleration_gain_1_s - 1.0)
+    slowest_1_s = gains.acceleration_gain_1_s * (zeta - sqrt(max(0.0, zeta * zeta - 1.0)))
+
+    def run_up_m(speed: float) -> float:
+        return (speed * speed - towards * abs(towards)) / (2.0 * limit)
+
+    def run_out_m(speed: float) -> float:
+        return speed / gain if speed <= gain * linear_m else speed * speed / (2.0 * braking) + 0.5 * linear_m
+
+    low, high = 0.0, top
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if run_up_m(middle) + run_out_m(middle) <= distance else (low, middle)
+    speed = max(low, gain * _ARRIVAL_M)
+    settle_from_m = min(run_out_m(speed), linear_m)
+    return (
+        abs(speed - towards) / limit
+        + max(0.0, distance - run_up_m(speed) - run_out_m(speed)) / speed
+        + max(0.0, speed - gain * linear_m) / braking
+        + (log(max(1.0, settle_from_m / _ARRIVAL_M)) + _SETTLING) / slowest_1_s
+    )

@@ -1,0 +1,159 @@
+"""Time-optimal motion with bounded jerk (ruckig; Berscheid and Kröger 2021), as plans: to a goal, or to a hover.
+
+The horizontal axes are turned into the direction of travel. Ruckig bounds each axis by itself; when the start moves or
+accelerates sideways, along and across share the bound as 0.8 and 0.6, so that the length of the vector keeps it.
+"""
+
+from dataclasses import dataclass, replace
+from math import atan2, hypot, inf
+
+import ruckig
+
+from daemon.frames import add, rotate_about_down, wrap_pi
+from daemon.guidance.limits import MotionLimits
+from daemon.guidance.plan import Plan
+from daemon.messages import ZERO3, Reference, Vec3
+
+_SIDEWAYS = 1e-6  # m/s and m/s^2 of the start across the direction of travel that need no share of the bounds
+_ALONG, _ACROSS = 0.8, 0.6
+_JERK_SPACING_S = 1e-4  # jerk is constant but for six instants: the difference over this time
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Motion:
+    """What ruckig found: x along ``heading_rad``, y across, z down, yaw unwrapped, relative to ``origin_ned_m``."""
+
+    trajectory: ruckig.Trajectory
+    heading_rad: float
+    origin_ned_m: Vec3
+
+
+class JerkLimitedPlan(Plan):
+    """A motion that ruckig solved, from ``start_s`` on."""
+
+    def __init__(self, start_s: float, motion: _Motion, limits: MotionLimits, goal: tuple[Vec3, float] | None) -> None:
+        self.start_s = start_s
+        self._motion = motion
+        self._limits = limits
+        self._goal = goal
+        self._end_s = start_s + float(motion.trajectory.duration)
+        self._target = _at(motion, motion.trajectory.duration, self._end_s, at_rest=True)
+        if goal is not None:
+            self._target = replace(self._target, position_ned_m=goal[0], yaw_rad=wrap_pi(goal[1]))
+
+    @property
+    def end_s(self) -> float:
+        """When the motion ends."""
+        return self._end_s
+
+    @property
+    def target(self) -> Reference:
+        """Rest at the end of the motion."""
+        return self._target
+
+    def sample(self, time_s: float) -> Reference:
+        """The motion at a time."""
+        if time_s >= self._end_s:
+            return replace(self._target, time_s=time_s)
+        return _at(self._motion, max(0.0, time_s - self.start_s), time_s)
+
+    def shifted(self, dp_ned_m: Vec3, dv_ned_m_s: Vec3, dyaw_rad: float, at_s: float) -> Plan:
+        """Moved with the estimate; after a velocity jump solved anew from the shifted state to the same goal."""
+        if dv_ned_m_s != ZERO3 and self._goal is not None:
+            now = self.sample(at_s)
+            start = replace(
+                now,
+                position_ned_m=add(now.position_ned_m, dp_ned_m),
+                velocity_ned_m_s=add(now.velocity_ned_m_s, dv_ned_m_s),
+                yaw_rad=wrap_pi(now.yaw_rad + dyaw_rad),
+            )
+            plan = to_goal(start, add(self._goal[0], dp_ned_m), self._goal[1] + dyaw_rad, self._limits)
+            if plan is not None:
+                return plan
+        return super().shifted(dp_ned_m, dv_ned_m_s, dyaw_rad, at_s)
+
+
+def to_goal(start: Reference, position_ned_m: Vec3, yaw_rad: float, limits: MotionLimits) -> JerkLimitedPlan | None:
+    """The quickest motion from a flown reference to rest at a goal, heading the shorter way; None if there is none."""
+    north = position_ned_m[0] - start.position_ned_m[0]
+    east = position_ned_m[1] - start.position_ned_m[1]
+    heading = atan2(east, north) if hypot(north, east) > 0.0 else _travel_heading(start)
+    wanted = _input(start, heading, limits)
+    down = position_ned_m[2] - start.position_ned_m[2]
+    turn = wrap_pi(yaw_rad - start.yaw_rad)
+    wanted.target_position = [hypot(north, east), 0.0, down, start.yaw_rad + turn]
+    wanted.synchronization = ruckig.Synchronization.Phase
+    wanted.per_dof_synchronization = [ruckig.Synchronization.Phase] * 3 + [ruckig.Synchronization.No]
+    motion = _solve(wanted, heading, start.position_ned_m)
+    return None if motion is None else JerkLimitedPlan(start.time_s, motion, limits, (position_ned_m, yaw_rad))
+
+
+def to_hover(start: Reference, limits: MotionLimits) -> JerkLimitedPlan | None:
+    """The quickest motion from a flown reference to rest, wherever that is; None if there is none."""
+    heading = _travel_heading(start)
+    wanted = _input(start, heading, limits)
+    wanted.control_interface = ruckig.ControlInterface.Velocity
+    wanted.synchronization = ruckig.Synchronization.No
+    motion = _solve(wanted, heading, start.position_ned_m)
+    return None if motion is None else JerkLimitedPlan(start.time_s, motion, limits, None)
+
+
+def _travel_heading(start: Reference) -> float:
+    """Direction of the start's motion; of its acceleration when it does not move."""
+    for x, y, _ in (start.velocity_ned_m_s, start.acceleration_ned_m_s2):
+        if hypot(x, y) > _SIDEWAYS:
+            return atan2(y, x)
+    return 0.0
+
+
+def _input(start: Reference, heading: float, limits: MotionLimits) -> ruckig.InputParameter:
+    """State of the start in the turned axes, and the bounds of each axis."""
+    velocity = rotate_about_down(start.velocity_ned_m_s, -heading)
+    acceleration = rotate_about_down(start.acceleration_ned_m_s2, -heading)
+    straight = max(abs(velocity[1]), abs(acceleration[1])) < _SIDEWAYS
+    along, across = (1.0, 1.0) if straight else (_ALONG, _ACROSS)
+    found = ruckig.InputParameter(4)
+    found.current_position = [0.0, 0.0, 0.0, start.yaw_rad]
+    found.current_velocity = [*velocity, start.yaw_rate_rad_s]
+    found.current_acceleration = [*acceleration, 0.0]
+    speed = limits.speed_m_s
+    found.max_velocity = [along * speed, across * speed, limits.descent_m_s, limits.yaw_rate_rad_s]
+    found.min_velocity = [-along * speed, -across * speed, -limits.climb_m_s, -limits.yaw_rate_rad_s]
+    found.max_acceleration = [
+        along * limits.acceleration_m_s2,
+        across * limits.acceleration_m_s2,
+        limits.vertical_acceleration_m_s2,
+        limits.yaw_acceleration_rad_s2,
+    ]
+    found.max_jerk = [along * limits.jerk_m_s3, across * limits.jerk_m_s3, limits.jerk_m_s3, inf]
+    return found
+
+
+def _solve(wanted: ruckig.InputParameter, heading: float, origin_ned_m: Vec3) -> _Motion | None:
+    trajectory = ruckig.Trajectory(4)
+    try:
+        result = ruckig.Ruckig(4).calculate(wanted, trajectory)
+    except ruckig.RuckigError:
+        return None
+    if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+        return None
+    return _Motion(trajectory=trajectory, heading_rad=heading, origin_ned_m=origin_ned_m)
+
+
+def _at(motion: _Motion, since_s: float, time_s: float, at_rest: bool = False) -> Reference:
+    """The motion ``since_s`` after its start, in NED."""
+    p, v, a = motion.trajectory.at_time(since_s)
+    position = add(rotate_about_down((p[0], p[1], p[2]), motion.heading_rad), motion.origin_ned_m)
+    if at_rest:
+        return Reference(time_s=time_s, position_ned_m=position, yaw_rad=wrap_pi(p[3]))
+    later = motion.trajectory.at_time(since_s + _JERK_SPACING_S)[2]
+    jerk = tuple((after - now) / _JERK_SPACING_S for now, after in zip(a[:3], later, strict=False))
+    return Reference(
+        time_s=time_s,
+        position_ned_m=position,
+        velocity_ned_m_s=rotate_about_down((v[0], v[1], v[2]), motion.heading_rad),
+        acceleration_ned_m_s2=rotate_about_down((a[0], a[1], a[2]), motion.heading_rad),
+        jerk_ned_m_s3=rotate_about_down((jerk[0], jerk[1], jerk[2]), motion.heading_rad),
+        yaw_rad=wrap_pi(p[3]),
+        yaw_rate_rad_s=v[3],
+    )

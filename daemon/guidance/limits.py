@@ -1,0 +1,51 @@
+"""What a reference may ask of the vehicle."""
+
+from dataclasses import dataclass, fields, replace
+from math import isfinite
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionLimits:
+    """Bounds on the reference's motion, all positive and finite. The horizontal ones bound the length of the vector.
+
+    Raises ``ValueError`` naming the field for a bound that is not a positive, finite number.
+    """
+
+    speed_m_s: float = 5.0  # horizontal
+    climb_m_s: float = 2.0  # upwards
+    descent_m_s: float = 1.5  # downwards
+    acceleration_m_s2: float = 3.0  # horizontal: 17 degrees of tilt
+    vertical_acceleration_m_s2: float = 2.0
+    jerk_m_s3: float = 10.0  # horizontal and vertical each
+    yaw_rate_rad_s: float = 1.0
+    yaw_acceleration_rad_s2: float = 2.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (isfinite(value) and value > 0.0):
+                raise ValueError(f"{field.name}: {value} is not a positive, finite number")
+
+    def tightened(
+        self,
+        *,
+        speed_m_s: float | None = None,
+        acceleration_m_s2: float | None = None,
+        jerk_m_s3: float | None = None,
+        yaw_rate_rad_s: float | None = None,
+    ) -> "MotionLimits":
+        """These limits with the given ones where they are tighter; speed and acceleration count vertically too."""
+
+        def least(own: float, wanted: float | None) -> float:
+            return own if wanted is None else min(own, wanted)
+
+        return replace(
+            self,
+            speed_m_s=least(self.speed_m_s, speed_m_s),
+            climb_m_s=least(self.climb_m_s, speed_m_s),
+            descent_m_s=least(self.descent_m_s, speed_m_s),
+            acceleration_m_s2=least(self.acceleration_m_s2, acceleration_m_s2),
+            vertical_acceleration_m_s2=least(self.vertical_acceleration_m_s2, acceleration_m_s2),
+            jerk_m_s3=least(self.jerk_m_s3, jerk_m_s3),
+            yaw_rate_rad_s=least(self.yaw_rate_rad_s, yaw_rate_rad_s),
+        )

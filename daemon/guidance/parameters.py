@@ -1,0 +1,21 @@
+"""Settings of guidance that are not limits of motion."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Profile(Enum):
+    """How a reference moves to a waypoint."""
+
+    REFERENCE_FILTER = "reference_filter"
+    JERK_LIMITED = "jerk_limited"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GuidanceParameters:
+    """How references are made; frequencies in rad/s."""
+
+    profile: Profile = Profile.REFERENCE_FILTER
+    omega_rad_s: float = 2.0  # natural frequency of the position's filter
+    zeta: float = 1.0  # its damping, 1 or more: below 1 the reference may overshoot
+    omega_yaw_rad_s: float = 2.0  # natural frequency of the heading's filter

@@ -1,0 +1,119 @@
+"""A plan: the reference as a function of time, from the flown state to rest at a goal."""
+
+from abc import ABC, abstractmethod
+from dataclasses import replace
+
+from daemon.frames import add, norm, scale, wrap_pi
+from daemon.messages import WINDOW_SPACING_S, ZERO3, Reference, Vec3
+
+WINDOW_COUNT = 60  # samples of a window: 0.6 s, a tenth more than must be there
+_RESET_ACCELERATION_M_S2 = 1.0  # what taking a velocity reset out of the reference may ask for on top of the plan
+_DECAY_PEAK = 6.0  # bounds |f''| of the decay below on [0, 1]
+
+
+class Plan(ABC):
+    """The reference from ``start_s`` on; times are those of the clock the start was given in."""
+
+    start_s: float
+
+    @property
+    @abstractmethod
+    def end_s(self) -> float:
+        """When the reference rests at the goal; an estimate that can be flown, infinite for a stream."""
+
+    @property
+    @abstractmethod
+    def target(self) -> Reference:
+        """The reference at rest at the end; its time is ``end_s``."""
+
+    @abstractmethod
+    def sample(self, time_s: float) -> Reference:
+        """The reference at a time; before the start the start's, after the end the target."""
+
+    def window(self, from_s: float, count: int = WINDOW_COUNT) -> tuple[Reference, ...]:
+        """``count`` references from ``from_s`` on at ``WINDOW_SPACING_S``."""
+        return tuple(self.sample(from_s + i * WINDOW_SPACING_S) for i in range(count))
+
+    def progress(self, time_s: float) -> float:
+        """Share of the plan's time that has gone by, 0 to 1."""
+        whole_s = self.end_s - self.start_s
+        return 1.0 if whole_s <= 0.0 else min(1.0, max(0.0, (time_s - self.start_s) / whole_s))
+
+    def outline(self, count: int = 100) -> tuple[Reference, ...]:
+        """``count`` references spread over the whole plan: its path, to look at and to check against a fence."""
+        spacing_s = (self.end_s - self.start_s) / max(1, count - 1)
+        return tuple(self.sample(self.start_s + i * spacing_s) for i in range(count))
+
+    def shifted(self, dp_ned_m: Vec3, dv_ned_m_s: Vec3, dyaw_rad: float, at_s: float) -> "Plan":
+        """The same plan after the estimate jumped by these amounts at ``at_s``: it keeps its physical place."""
+        return ShiftedPlan(self, dp_ned_m, dv_ned_m_s, dyaw_rad, at_s)
+
+
+class ShiftedPlan(Plan):
+    """A plan moved by a position and a heading; a velocity jump is taken over at once and taken out again smoothly.
+
+    The way it takes is ``dv T f(s)``, ``f = s (1 - s)^3 (1 + 3 s)``, ``s = (t - at) / T``: velocity dv and no
+    acceleration at the beginning, nothing at the end.
+    """
+
+    def __init__(self, plan: Plan, dp_ned_m: Vec3, dv_ned_m_s: Vec3, dyaw_rad: float, at_s: float) -> None:
+        self._plan = plan
+        self._dp = dp_ned_m
+        self._dv = dv_ned_m_s
+        self._dyaw = dyaw_rad
+        self._at_s = at_s
+        self._decay_s = norm(dv_ned_m_s) * _DECAY_PEAK / _RESET_ACCELERATION_M_S2
+        self.start_s = plan.start_s
+
+    @property
+    def end_s(self) -> float:
+        """End of the plan, or of the velocity's decay when that is later."""
+        return max(self._plan.end_s, self._at_s + self._decay_s)
+
+    @property
+    def target(self) -> Reference:
+        """The plan's target where it is called now."""
+        target = self._plan.target
+        return replace(
+            target,
+            time_s=self.end_s,
+            position_ned_m=add(target.position_ned_m, self._dp),
+            yaw_rad=wrap_pi(target.yaw_rad + self._dyaw),
+        )
+
+    def sample(self, time_s: float) -> Reference:
+        """The plan's reference, moved."""
+        reference = self._plan.sample(time_s)
+        moved = replace(
+            reference,
+            position_ned_m=add(reference.position_ned_m, self._dp),
+            yaw_rad=wrap_pi(reference.yaw_rad + self._dyaw),
+        )
+        since_s = time_s - self._at_s
+        if not 0.0 <= since_s < self._decay_s:
+            return moved
+        f, f1, f2, f3 = _decay(since_s / self._decay_s)
+        whole_s = self._decay_s
+        return replace(
+            moved,
+            position_ned_m=add(moved.position_ned_m, scale(self._dv, f * whole_s)),
+            velocity_ned_m_s=add(moved.velocity_ned_m_s, scale(self._dv, f1)),
+            acceleration_ned_m_s2=add(moved.acceleration_ned_m_s2, scale(self._dv, f2 / whole_s)),
+            jerk_ned_m_s3=add(moved.jerk_ned_m_s3, scale(self._dv, f3 / whole_s**2)),
+        )
+
+    def shifted(self, dp_ned_m: Vec3, dv_ned_m_s: Vec3, dyaw_rad: float, at_s: float) -> Plan:
+        """Moved further; mere positions and headings add up, so that a long hold does not pile up layers."""
+        if dv_ned_m_s == ZERO3:
+            return ShiftedPlan(self._plan, add(self._dp, dp_ned_m), self._dv, self._dyaw + dyaw_rad, self._at_s)
+        return ShiftedPlan(self, dp_ned_m, dv_ned_m_s, dyaw_rad, at_s)
+
+
+def _decay(s: float) -> tuple[float, float, float, float]:
+    """f = s (1 - s)^3 (1 + 3 s) = s - 6 s^3 + 8 s^4 - 3 s^5 and its three derivatives."""
+    return (
+        s - 6.0 * s**3 + 8.0 * s**4 - 3.0 * s**5,
+        1.0 - 18.0 * s**2 + 32.0 * s**3 - 15.0 * s**4,
+        -36.0 * s + 96.0 * s**2 - 60.0 * s**3,
+        -36.0 + 192.0 * s - 180.0 * s**2,
+    )

@@ -1,0 +1,265 @@
+"""Plans to waypoints and to a hover: continuous from any flown state, within limits, arriving, the shorter way."""
+
+from math import dist, pi
+from types import SimpleNamespace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daemon.frames import from_yaw, wrap_pi
+from daemon.guidance.brake import brake
+from daemon.guidance.filter_plan import FilterPlan
+from daemon.guidance.goals import WaypointGoal
+from daemon.guidance.limits import MotionLimits
+from daemon.guidance.parameters import GuidanceParameters, Profile
+from daemon.guidance.plan import Plan
+from daemon.guidance.planner import plan
+from daemon.guidance.waypoint_modes import WaypointMode
+from daemon.messages import WINDOW_SPACING_S, ZERO3, Reference, Vec3
+
+PROFILES = [GuidanceParameters(profile=profile) for profile in Profile]
+NED = st.tuples(st.floats(-80.0, 80.0), st.floats(-80.0, 80.0), st.floats(-20.0, 20.0))
+YAW = st.floats(-3.14, 3.14)
+
+
+def references(limits: MotionLimits, time_s: float = 3.0) -> st.SearchStrategy[Reference]:
+    """States in flight from which the limits can be kept."""
+    share = st.floats(-0.5, 0.5)
+    vertical = min(limits.climb_m_s, limits.descent_m_s)
+    sideways_a = min(limits.acceleration_m_s2, limits.speed_m_s)
+    vertical_a = 0.5 * min(limits.vertical_acceleration_m_s2, vertical)
+
+    def build(place: Vec3, v: Vec3, a: Vec3, yaw: float, rate: float) -> Reference:
+        return Reference(
+            time_s=time_s,
+            position_ned_m=place,
+            velocity_ned_m_s=(v[0] * limits.speed_m_s, v[1] * limits.speed_m_s, v[2] * vertical),
+            acceleration_ned_m_s2=(a[0] * sideways_a, a[1] * sideways_a, a[2] * vertical_a),
+            yaw_rad=yaw,
+            yaw_rate_rad_s=rate * limits.yaw_rate_rad_s,
+        )
+
+    three = st.tuples(share, share, share)
+    return st.builds(build, st.tuples(*[st.floats(-50.0, 50.0)] * 3), three, three, st.floats(-3.14, 3.14), share)
+
+
+motion_limits = st.builds(
+    MotionLimits,
+    speed_m_s=st.floats(1.0, 12.0),
+    climb_m_s=st.floats(0.5, 4.0),
+    descent_m_s=st.floats(0.5, 3.0),
+    acceleration_m_s2=st.floats(1.0, 6.0),
+    vertical_acceleration_m_s2=st.floats(0.5, 4.0),
+    jerk_m_s3=st.floats(6.0, 40.0),
+    yaw_rate_rad_s=st.floats(0.2, 2.0),
+    yaw_acceleration_rad_s2=st.floats(0.5, 4.0),
+)
+
+
+def rest(time_s: float = 0.0) -> Reference:
+    return Reference(time_s=time_s, position_ned_m=ZERO3)
+
+
+def to(position: tuple[float, float, float], yaw: float = 0.0) -> WaypointGoal:
+    return WaypointGoal(position_ned_m=position, attitude_wb=from_yaw(yaw))
+
+
+def arrival_s(flown: Plan) -> float:
+    """When the reference has come within 5 cm and 3 degrees for good."""
+    last = time = flown.start_s
+    while time < flown.end_s + 30.0:
+        now = flown.sample(time)
+        off = dist(now.position_ned_m, flown.target.position_ned_m) > 0.05
+        if off or abs(wrap_pi(now.yaw_rad - flown.target.yaw_rad)) > 0.05:
+            last = time
+        time += 0.1
+    return last
+
+
+@pytest.mark.parametrize("parameters", PROFILES, ids=lambda p: p.profile.value)
+@settings(max_examples=30, deadline=None)
+@given(data=st.data(), limits=motion_limits, goal=NED, yaw=YAW)
+def test_keeps_the_limits_starts_where_it_was_and_arrives(
+    checks: SimpleNamespace,
+    parameters: GuidanceParameters,
+    data: st.DataObject,
+    limits: MotionLimits,
+    goal: tuple[float, float, float],
+    yaw: float,
+) -> None:
+    start = data.draw(references(limits))
+    flown = plan(start, to(goal, yaw), limits, parameters)
+    checks.continuous(start, flown.sample(start.time_s))
+    time, end = start.time_s, flown.end_s + 25.0
+    while time < end:
+        checks.within(limits, flown.sample(time))
+        time += 0.0437
+    at_end = flown.sample(end)
+    assert dist(at_end.position_ned_m, goal) < 0.01
+    assert abs(wrap_pi(at_end.yaw_rad - yaw)) < 0.01
+
+
+@pytest.mark.parametrize("parameters", PROFILES, ids=lambda p: p.profile.value)
+@settings(max_examples=30, deadline=None)
+@given(data=st.data(), goals=st.lists(st.tuples(NED, YAW, st.floats(0.0, 6.0)), min_size=2, max_size=6))
+def test_preemption_at_any_time_is_continuous_and_keeps_the_limits(
+    checks: SimpleNamespace, parameters: GuidanceParameters, data: st.DataObject, goals: list[tuple]
+) -> None:
+    limits = MotionLimits()
+    flown: Plan = plan(data.draw(references(limits)), to((0.0, 0.0, 0.0)), limits, parameters)
+    now = flown.start_s
+    for position, yaw, flown_s in goals:
+        now += flown_s
+        before = flown.sample(now)
+        flown = plan(before, to(position, yaw), limits, parameters)
+        for i, reference in enumerate(flown.window(now, 60)):
+            checks.within(limits, reference)
+            if i == 0:
+                checks.continuous(before, reference)
+
+
+@pytest.mark.parametrize("parameters", PROFILES, ids=lambda p: p.profile.value)
+@settings(max_examples=20, deadline=None)
+@given(goal=NED, yaw=YAW, share=st.floats(0.01, 0.99))
+def test_derivatives_belong_to_each_other(
+    checks: SimpleNamespace, parameters: GuidanceParameters, goal: tuple[float, float, float], yaw: float, share: float
+) -> None:
+    flown = plan(rest(), to(goal, yaw), MotionLimits(), parameters)
+    steps = int(share * (flown.end_s - flown.start_s) / WINDOW_SPACING_S)
+    checks.derivatives_agree(flown, (steps + 0.5) * WINDOW_SPACING_S)
+
+
+@pytest.mark.parametrize("parameters", PROFILES, ids=lambda p: p.profile.value)
+@settings(max_examples=30, deadline=None)
+@given(start_yaw=YAW, turn=st.floats(-3.1, 3.1))
+def test_heading_turns_the_shorter_way(parameters: GuidanceParameters, start_yaw: float, turn: float) -> None:
+    start = Reference(time_s=0.0, position_ned_m=ZERO3, yaw_rad=start_yaw)
+    flown = plan(start, to(ZERO3, start_yaw + turn), MotionLimits(), parameters)
+    turned, before = 0.0, start_yaw
+    for i in range(200):
+        yaw = flown.sample(0.1 * i).yaw_rad
+        turned += wrap_pi(yaw - before)
+        before = yaw
+        assert min(turn, 0.0) - 1e-3 <= turned <= max(turn, 0.0) + 1e-3
+    assert turned == pytest.approx(turn, abs=1e-3)
+
+
+@settings(max_examples=40, deadline=None)
+@given(data=st.data(), limits=motion_limits, goal=NED, yaw=YAW)
+def test_time_to_go_of_the_filter_is_what_it_takes(
+    data: st.DataObject, limits: MotionLimits, goal: tuple[float, float, float], yaw: float
+) -> None:
+    start = data.draw(references(limits))
+    flown = FilterPlan(start, goal, yaw, limits, GuidanceParameters())
+    estimate, taken = flown.end_s - flown.start_s, arrival_s(flown) - flown.start_s
+    assert 0.75 * taken - 1.5 <= estimate <= 1.25 * taken + 2.0
+
+
+@settings(max_examples=40, deadline=None)
+@given(data=st.data(), limits=motion_limits)
+def test_brake_stops_within_limits_and_holds(
+    checks: SimpleNamespace, data: st.DataObject, limits: MotionLimits
+) -> None:
+    start = data.draw(references(limits))
+    stopped = brake(start, limits)
+    checks.continuous(start, stopped.sample(start.time_s))
+    for i in range(60):
+        checks.within(limits, stopped.sample(start.time_s + i / 59.0 * (stopped.end_s - start.time_s)))
+    before, after = stopped.sample(stopped.end_s - 1e-9), stopped.sample(stopped.end_s + 60.0)
+    checks.continuous(before, after)
+    assert after.velocity_ned_m_s == ZERO3
+    assert after.yaw_rate_rad_s == 0.0
+
+
+def test_brake_from_cruise_takes_the_time_of_the_trapezoid() -> None:
+    limits = MotionLimits()
+    start = Reference(time_s=0.0, position_ned_m=ZERO3, velocity_ned_m_s=(3.0, 4.0, 0.0))
+    stopped = brake(start, limits)
+    ramp = limits.acceleration_m_s2 / limits.jerk_m_s3
+    assert stopped.end_s == pytest.approx(5.0 / limits.acceleration_m_s2 + ramp, abs=1e-9)
+    way = 2.5 * stopped.end_s  # symmetric: half the speed on average
+    assert stopped.target.position_ned_m == pytest.approx((0.6 * way, 0.8 * way, 0.0), abs=1e-9)
+
+
+def test_a_start_outside_of_tightened_limits_comes_back_into_them(checks: SimpleNamespace) -> None:
+    start = Reference(time_s=0.0, position_ned_m=ZERO3, velocity_ned_m_s=(5.0, 0.0, 1.5))
+    limits = MotionLimits().tightened(speed_m_s=1.0, acceleration_m_s2=2.0)
+    for parameters in PROFILES:
+        flown = plan(start, to((40.0, 10.0, 5.0)), limits, parameters)
+        checks.continuous(start, flown.sample(0.0))
+        for i in range(400):
+            reference = flown.sample(4.0 + 0.1 * i)
+            assert dist(reference.velocity_ned_m_s[:2], (0.0, 0.0)) <= 1.0 + 1e-6
+            assert abs(reference.velocity_ned_m_s[2]) <= 1.0 + 1e-6
+
+
+@pytest.mark.parametrize("parameters", PROFILES, ids=lambda p: p.profile.value)
+@pytest.mark.parametrize("dv", [ZERO3, (0.4, -0.3, 0.1)])
+def test_a_reset_moves_the_plan_with_the_estimate(
+    checks: SimpleNamespace, parameters: GuidanceParameters, dv: tuple[float, float, float]
+) -> None:
+    goal = (20.0, 5.0, -3.0)
+    flown = plan(rest(), to(goal, 1.0), MotionLimits(), parameters)
+    now = flown.sample(2.0)
+    moved = flown.shifted((1.0, -2.0, 0.5), dv, 0.3, 2.0)
+    after = moved.sample(2.0)
+    expected = [p + d for p, d in zip(now.position_ned_m, (1.0, -2.0, 0.5), strict=True)]
+    assert after.position_ned_m == pytest.approx(expected)
+    assert after.velocity_ned_m_s == pytest.approx([v + d for v, d in zip(now.velocity_ned_m_s, dv, strict=True)])
+    assert after.acceleration_ned_m_s2 == pytest.approx(now.acceleration_ned_m_s2)
+    assert wrap_pi(after.yaw_rad - now.yaw_rad) == pytest.approx(0.3)
+    checks.derivatives_agree(moved, 2.505)
+    at_end = moved.sample(moved.end_s + 20.0)
+    assert at_end.position_ned_m == pytest.approx((21.0, 3.0, -2.5), abs=1e-3)
+    assert moved.target.position_ned_m == pytest.approx((21.0, 3.0, -2.5), abs=1e-9)
+    assert at_end.yaw_rad == pytest.approx(1.3, abs=1e-3)
+
+
+def test_a_hold_that_meets_a_velocity_reset_takes_it_out_again_smoothly(checks: SimpleNamespace) -> None:
+    held = (
+        brake(rest(), MotionLimits())
+        .shifted(ZERO3, (0.5, 0.0, 0.0), 0.0, 7.0)
+        .shifted((1.0, 0.0, 0.0), ZERO3, 0.0, 7.5)
+    )
+    assert held.sample(7.0).velocity_ned_m_s == pytest.approx((0.5, 0.0, 0.0))
+    for i in range(1, 80):
+        reference = held.sample(7.0 + 0.05 * i)
+        assert abs(reference.acceleration_ned_m_s2[0]) <= 1.0
+        checks.derivatives_agree(held, 7.0 + 0.05 * i)
+    assert held.sample(held.end_s).position_ned_m == pytest.approx((1.0, 0.0, 0.0))
+
+
+def test_window_is_spaced_for_the_control_task_and_progress_runs_from_zero_to_one() -> None:
+    flown = plan(rest(5.0), to((10.0, 0.0, -2.0)), MotionLimits(), GuidanceParameters())
+    window = flown.window(5.3, 60)
+    assert [round(r.time_s - 5.3, 9) for r in window] == [round(0.01 * i, 9) for i in range(60)]
+    assert (flown.progress(5.0), flown.progress(1e9)) == (0.0, 1.0)
+    assert 0.0 < flown.progress(6.0) < flown.progress(7.0) < 1.0
+
+
+def test_outline_leads_from_start_to_goal_near_the_path_flown() -> None:
+    for parameters in PROFILES:
+        flown = plan(rest(), to((30.0, -10.0, -5.0)), MotionLimits(), parameters)
+        for reference in flown.outline(40):
+            assert dist(reference.position_ned_m, flown.sample(reference.time_s).position_ned_m) < 0.5
+
+
+def test_modes_that_take_their_place_from_now_stop_where_braking_ends() -> None:
+    start = Reference(time_s=0.0, position_ned_m=(1.0, 2.0, -3.0), velocity_ned_m_s=(3.0, 0.0, 1.0))
+    stop = brake(start, MotionLimits()).target.position_ned_m
+    turn = WaypointGoal(attitude_wb=from_yaw(1.0), mode=WaypointMode.ONLY_ORIENTATION)
+    flat = WaypointGoal(position_ned_m=(9.0, 9.0, 9.0), mode=WaypointMode.XY_AND_YAW)
+    for parameters in PROFILES:
+        turned = plan(start, turn, MotionLimits(), parameters).target
+        assert turned.position_ned_m == pytest.approx(stop)
+        assert turned.yaw_rad == pytest.approx(1.0)
+        assert plan(start, flat, MotionLimits(), parameters).target.position_ned_m == pytest.approx((9.0, 9.0, stop[2]))
+
+
+def test_without_yaw_the_heading_stays_and_forward_heading_looks_ahead() -> None:
+    start = Reference(time_s=0.0, position_ned_m=ZERO3, yaw_rad=0.7)
+    keep = WaypointGoal(position_ned_m=(5.0, 5.0, 0.0))
+    ahead = WaypointGoal(position_ned_m=(-5.0, 0.0, 0.0), mode=WaypointMode.FORWARD_HEADING)
+    assert plan(start, keep, MotionLimits(), GuidanceParameters()).target.yaw_rad == pytest.approx(0.7)
+    assert abs(plan(start, ahead, MotionLimits(), GuidanceParameters()).target.yaw_rad) == pytest.approx(pi)
