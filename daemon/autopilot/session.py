@@ -144,7 +144,10 @@ class Px4Session:
 
     def poll(self, now_s: float) -> None:
         """Time passes: notice a lost link, repeat what was not answered. Call it every 50 ms or more often."""
-        if self._flowing and now_s - self._last_arrival_s > self.params.link_timeout_s:
+        silent = now_s - self._last_arrival_s > self.params.link_timeout_s
+        if not self._flowing and not silent:
+            self._begin_flow(now_s)  # samples alone came back, by the hot path
+        elif self._flowing and silent:
             self._flowing = False
             self._update(connected=False)
             self._forget_waiting("the link to the autopilot was lost")
@@ -207,8 +210,11 @@ class Px4Session:
     def _note_arrival(self, now_s: float) -> None:
         self._last_arrival_s = now_s
         if not self._flowing:
-            self._flowing = True
-            self._ask_for_streams(now_s)
+            self._begin_flow(now_s)
+
+    def _begin_flow(self, now_s: float) -> None:
+        self._flowing = True
+        self._ask_for_streams(now_s)
 
     def _ask_for_streams(self, now_s: float) -> None:
         self._outgoing += streams.requests()

@@ -1,0 +1,278 @@
+"""The live link: MAVSDK's synchronous ``MavlinkDirect``, the only file that imports mavsdk.
+
+MAVSDK's threads call back; ODOMETRY and HIGHRES_IMU go straight into their cells, everything else is handed to the
+event loop. Nothing here uses the offboard plugin, which would repeat setpoints by itself.
+"""
+
+import asyncio
+import contextlib
+import json
+import math
+import struct
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from mavsdk.component_type import ComponentType
+from mavsdk.connection_result import ConnectionResult
+from mavsdk.exceptions import MavsdkError
+from mavsdk.logging import LogLevel, log_subscribe
+from mavsdk.mavsdk import Configuration, Mavsdk
+from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
+from mavsdk.system import System
+
+from daemon import logs
+from daemon.autopilot.px4 import SET_ATTITUDE_TARGET_RATES_MASK, Fields, Message
+from daemon.autopilot.session import SAMPLES, Px4Session, SessionParams
+from daemon.autopilot.session_link import SessionLink
+from daemon.messages import AutopilotStatus, FlightMode, Setpoint
+
+_POLL_S = 0.02
+_RETRY_S = 1.0
+_CLOSE_S = 0.8
+_AUTOPILOT_COMPONENT = 1
+_PARAM_TYPES_BYTEWISE = {1: "<B", 2: "<b", 3: "<H", 4: "<h", 5: "<I", 6: "<i"}  # MAV_PARAM_TYPE, PX4 packs bytewise
+_SEND_ERRORS = (MavsdkError, RuntimeError, ValueError)
+
+_log = logs.get("mavsdk")
+_LOG_METHODS = {LogLevel.DEBUG: "debug", LogLevel.INFO: "info", LogLevel.WARN: "warning", LogLevel.ERROR: "error"}
+
+
+def _log_line(level: LogLevel, text: str, _file: str | None, _line: int) -> bool:
+    getattr(_log, _LOG_METHODS[level])("mavsdk", text=text)
+    return True  # handled: MAVSDK does not print it
+
+
+class _Wire:
+    """One connected system: its MavlinkDirect, and sends that are safe from any thread and against ``cut``."""
+
+    def __init__(self, system: System, own_system_id: int, own_component_id: int) -> None:
+        self.direct = MavlinkDirect(system)
+        self.system_id = system.get_system_id()
+        self._lock = threading.Lock()
+        self._open = True
+        self._ids = (own_system_id, own_component_id, self.system_id, _AUTOPILOT_COMPONENT)
+        self._setpoint_json = (
+            json.dumps(
+                {
+                    "target_system": self.system_id,
+                    "target_component": _AUTOPILOT_COMPONENT,
+                    "time_boot_ms": 0,
+                    "type_mask": SET_ATTITUDE_TARGET_RATES_MASK,
+                    "q": [1.0, 0.0, 0.0, 0.0],
+                    "thrust_body": [0.0, 0.0, 0.0],
+                }
+            )[:-1]
+            + ',"body_roll_rate":%.9g,"body_pitch_rate":%.9g,"body_yaw_rate":%.9g,"thrust":%.9g}'
+        )
+
+    def send_json(self, name: str, fields_json: str) -> bool:
+        """Send; False when MAVSDK would not."""
+        message = MavlinkMessage(name, *self._ids, fields_json)
+        with self._lock:
+            if not self._open:
+                return False
+            try:
+                self.direct.send_message(message)
+            except _SEND_ERRORS:
+                return False
+        return True
+
+    def send(self, message: Message) -> bool:
+        """Send a message of field dicts; NaN travels as null."""
+        name, fields = message
+        targets = {"target_system": self.system_id, "target_component": _AUTOPILOT_COMPONENT}
+        numbers = {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in fields.items()}
+        return self.send_json(name, json.dumps(targets | numbers))
+
+    def send_setpoint(self, setpoint: Setpoint) -> bool:
+        """Send SET_ATTITUDE_TARGET; a number that is not finite is never sent."""
+        roll, pitch, yaw = setpoint.rates_frd_rad_s
+        thrust = setpoint.thrust
+        if not math.isfinite(roll + pitch + yaw + thrust):
+            return False
+        return self.send_json("SET_ATTITUDE_TARGET", self._setpoint_json % (roll, pitch, yaw, thrust))
+
+    def cut(self) -> None:
+        """No send begins after this, and none is under way."""
+        with self._lock:
+            self._open = False
+
+
+class MavsdkLink(SessionLink):
+    """Implements ``Autopilot`` on MAVSDK. ``url`` as MAVSDK's: udpin://127.0.0.1:14540, serial:///dev/ttyAMA0:921600.
+
+    ``run`` opens the connection (again and again while that fails), waits for an autopilot and keeps the cells fresh.
+    ``late_callbacks`` counts messages that came after ``run`` had ended.
+    """
+
+    def __init__(self, url: str, *, link_timeout_s: float = 0.5) -> None:
+        log_subscribe(_log_line)
+        self._configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
+        own_ids = (self._configuration.system_id, self._configuration.component_id)
+        params = SessionParams(link_timeout_s=link_timeout_s, system_id=own_ids[0], component_id=own_ids[1])
+        super().__init__(Px4Session(params), self._flush_session)
+        self.url = url
+        self.late_callbacks = 0
+        self._own_ids = own_ids
+        self._wire: _Wire | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._loop_thread = 0
+
+    async def run(self) -> None:
+        """Connect, ask for the streams on every (re)connect, keep the cells fresh, until cancelled."""
+        self._loop, self._loop_thread = asyncio.get_running_loop(), threading.get_ident()
+        sdk = Mavsdk(self._configuration)
+        try:
+            await self._open(sdk)
+            system = await self._first_autopilot(sdk)
+            self._wire = _Wire(system, *self._own_ids)
+            for name in self.session.wanted:
+                self._wire.direct.subscribe_message(name, self._callback(name))
+            _log.info("autopilot found", system_id=self._wire.system_id)
+            await self._keep()
+        finally:
+            wire, self._wire = self._wire, None
+            await _bounded(lambda: _close(sdk, wire), _CLOSE_S)
+
+    def send_setpoint(self, setpoint: Setpoint) -> bool:
+        """Send one body-rate setpoint now, from any thread; False when there is no autopilot or it is not finite."""
+        wire = self._wire
+        return wire is not None and self.status.value.connected and wire.send_setpoint(setpoint)
+
+    def request_mode(self, mode: FlightMode) -> bool:
+        """Ask for a mode now, from any thread; the outcome shows in ``status``."""
+        wire, loop = self._wire, self._loop
+        message = self.session.mode_message(mode)
+        if wire is None or loop is None or message is None:
+            return False
+        if threading.get_ident() == self._loop_thread:
+            self.session.mode_requested(mode, loop.time())
+        else:
+            self._hand_over(self.session.mode_requested, mode, loop.time())
+        return wire.send(message)
+
+    # ---- opening
+
+    async def _open(self, sdk: Mavsdk) -> None:
+        while True:
+            result = await asyncio.to_thread(sdk.add_any_connection, self.url)
+            if result == ConnectionResult.SUCCESS:
+                _log.info("waiting for an autopilot", url=self.url)
+                return
+            _log.warning("connection failed, trying again", url=self.url, result=result.name)
+            await asyncio.sleep(_RETRY_S)
+
+    async def _first_autopilot(self, sdk: Mavsdk) -> System:
+        loop = asyncio.get_running_loop()
+        found: asyncio.Future[System] = loop.create_future()
+
+        def settle(system: System) -> None:
+            if not found.done():
+                found.set_result(system)
+
+        handle = sdk.first_autopilot_async(-1.0, lambda system: self._hand_over(settle, system))
+        try:
+            return await found
+        finally:
+            sdk.cancel_first_autopilot(handle)
+
+    # ---- in flight
+
+    async def _keep(self) -> None:
+        loop = asyncio.get_running_loop()
+        said = _Said()
+        while True:
+            self.session.poll(loop.time())
+            self._flush_session()
+            said.changes(self.session, self.status.value)
+            await asyncio.sleep(_POLL_S)
+
+    def _flush_session(self) -> None:
+        wire = self._wire
+        for message in self.session.take_outgoing():
+            if wire is None or not wire.send(message):
+                _log.warning("message not sent", name=message[0])
+
+    def _callback(self, name: str) -> Callable[[MavlinkMessage, Any], None]:
+        loop, receive_sample = self._loop, self.session.receive_sample
+        assert loop is not None
+        time = loop.time
+        is_sample = name in SAMPLES
+
+        def on_message(message: MavlinkMessage, _user_data: Any) -> None:
+            arrival_s = time()
+            if message.component_id != _AUTOPILOT_COMPONENT:
+                return
+            fields: Fields = json.loads(message.fields_json)
+            if is_sample and receive_sample(name, fields, arrival_s):
+                return
+            if name == "PARAM_VALUE":
+                _unpack_parameter(fields)
+            self._hand_over(self._receive, name, fields, arrival_s)
+
+        return on_message
+
+    def _receive(self, name: str, fields: Fields, arrival_s: float) -> None:
+        self.session.receive(name, fields, arrival_s)
+        self._flush_session()
+
+    def _hand_over(self, function: Callable[..., None], *args: Any) -> None:
+        assert self._loop is not None
+        try:
+            self._loop.call_soon_threadsafe(function, *args)
+        except RuntimeError:  # the loop is closed: this message came after the end
+            self.late_callbacks += 1
+
+
+class _Said:
+    """What was last logged, so that only changes are."""
+
+    def __init__(self) -> None:
+        self._connected = False
+        self._boot_count = 0
+        self._slow: tuple[str, ...] = ()
+
+    def changes(self, session: Px4Session, status: AutopilotStatus) -> None:
+        """Log what differs from the last time."""
+        if status.connected != self._connected:
+            self._connected = status.connected
+            _log.info("link up" if status.connected else "link lost", mode=status.mode.value, armed=status.armed)
+        if status.boot_count != self._boot_count:
+            self._boot_count = status.boot_count
+            _log.warning("autopilot rebooted", boot_count=status.boot_count)
+        if session.monitor.slow != self._slow:
+            self._slow = session.monitor.slow
+            _log.warning("streams slower than asked for", streams=self._slow)
+        for text in session.take_events():
+            _log.info("autopilot says", text=text)
+
+
+def _unpack_parameter(fields: Fields) -> None:
+    """Integers lie bytewise in the float of PARAM_VALUE; one that reads as NaN there is lost in JSON: None."""
+    layout, value = _PARAM_TYPES_BYTEWISE.get(fields["param_type"]), fields["param_value"]
+    if layout is not None and value is not None:
+        fields["param_value"] = struct.unpack_from(layout, struct.pack("<f", value))[0]
+
+
+def _close(sdk: Mavsdk, wire: _Wire | None) -> None:
+    if wire is not None:
+        wire.cut()
+    sdk.destroy()
+
+
+async def _bounded(work: Callable[[], None], timeout_s: float) -> None:
+    """Run ``work`` in a thread of its own and leave it behind if it takes longer."""
+    loop = asyncio.get_running_loop()
+    done = asyncio.Event()
+
+    def run() -> None:
+        work()
+        with contextlib.suppress(RuntimeError):  # the loop did not wait for it
+            loop.call_soon_threadsafe(done.set)
+
+    threading.Thread(target=run, name="mavsdk-close", daemon=True).start()
+    try:
+        await asyncio.wait_for(done.wait(), timeout_s)
+    except TimeoutError:
+        _log.warning("mavsdk did not close in time")
