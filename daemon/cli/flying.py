@@ -1,0 +1,93 @@
+"""Follow a goal from its submission to its result: a progress line, Ctrl-C cancels."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import asdict
+from pathlib import Path
+from typing import Protocol
+
+from daemon.cli.common import exit_with, note, on_interrupt, on_terminal, run, say, say_json
+from daemon.goals.client import FlightClient
+from daemon.goals.client_errors import FlightError
+from daemon.goals.goal import Feedback, Goal, Result
+
+RECONNECT_S = 10.0
+Submit = Callable[[FlightClient], Awaitable[Goal]]
+
+
+class Line(Protocol):
+    """Where progress is shown."""
+
+    def update(self, text: str) -> None:
+        """Show the newest text."""
+
+
+class Silence:
+    """No progress: the output goes to a script or a file."""
+
+    def update(self, text: str) -> None:
+        """Show nothing."""
+
+
+def fly(submit: Submit, socket: Path | None, as_json: bool) -> None:
+    """Submit a goal, show how it goes, leave with the exit code of its outcome."""
+    result = run(lambda flight: _follow(flight, submit, as_json), socket, as_json, RECONNECT_S)
+    if as_json:
+        say_json(asdict(result))
+    else:
+        say(in_words(result))
+    exit_with(result)
+
+
+async def _follow(flight: FlightClient, submit: Submit, as_json: bool) -> Result:
+    goal = await submit(flight)
+    canceling: list[asyncio.Task[None]] = []
+    on_interrupt(lambda: canceling.append(asyncio.create_task(_cancel(goal))))
+    with _line(as_json) as line:
+        async for feedback in goal:
+            line.update(progress(goal.goal_id, feedback))
+        return await goal
+
+
+async def _cancel(goal: Goal) -> None:
+    note("canceling; the vehicle brakes and holds")
+    try:
+        await goal.cancel()
+    except FlightError as error:
+        if not goal.done:
+            note(f"could not cancel: {error}; `flightd hold` releases the vehicle")
+
+
+def _line(as_json: bool) -> AbstractContextManager[Line]:
+    if as_json or not on_terminal():
+        return nullcontext(Silence())
+    from rich.console import Console
+
+    return Console().status("accepted", spinner="dots")
+
+
+def progress(goal_id: str, feedback: Feedback) -> str:
+    """One line: distance, heading error and time to go."""
+    parts = [f"{goal_id}: {feedback.progress:4.0%}"]
+    if feedback.distance_m is not None:
+        parts.append(f"{feedback.distance_m:.1f} m")
+    if feedback.angle_deg is not None:
+        parts.append(f"{feedback.angle_deg:.0f} deg")
+    parts.append(f"{feedback.eta_s:.0f} s to go" if feedback.eta_s is not None else "time to go unknown")
+    return ", ".join(parts)
+
+
+def in_words(result: Result) -> str:
+    """How a goal ended, as a sentence."""
+    text = f"{result.goal_id} {result.outcome}"
+    if result.duration_s is not None:
+        text += f" after {result.duration_s:.1f} s"
+    if result.error_m is not None:
+        text += f", {result.error_m:.2f} m"
+        text += f" and {result.error_deg:.1f} deg off" if result.error_deg is not None else " off"
+    if result.by is not None:
+        text += f"; by {result.by}"
+    if result.reason is not None:
+        text += f"; {result.reason}"
+    return text

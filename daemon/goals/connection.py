@@ -1,0 +1,146 @@
+"""A client's connection: requests and their replies, notifications, and coming back after the daemon went away."""
+
+import asyncio
+import json
+from collections.abc import Callable, Coroutine
+from contextlib import suppress
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from daemon.goals.client_errors import ConnectionLostError, NoDaemonError, error_from
+
+MAX_REPLY_BYTES = 4 * 1024 * 1024
+FIRST_RETRY_S = 0.05
+LAST_RETRY_S = 1.0
+
+OnNotification = Callable[[str, dict[str, Any]], None]
+OnReturn = Callable[[], Coroutine[Any, Any, None]]
+OnGone = Callable[[NoDaemonError], None]
+
+
+class Connection:
+    """JSON-RPC over the daemon's socket; with ``reconnect_s`` > 0 it comes back by itself, within that time."""
+
+    def __init__(
+        self, path: Path, reconnect_s: float, on_notification: OnNotification, on_return: OnReturn, on_gone: OnGone
+    ) -> None:
+        self._path = path
+        self._reconnect_s = reconnect_s
+        self._on_notification = on_notification
+        self._on_return = on_return
+        self._on_gone = on_gone
+        self._ids = count(1)
+        self._pending: dict[int, asyncio.Future[dict[str, Any]]] = {}
+        self._writer: asyncio.StreamWriter | None = None
+        self._up = asyncio.Event()
+        self._gone: NoDaemonError | None = None
+        self._task: asyncio.Task[None] | None = None
+
+    async def open(self) -> None:
+        """Connect. Raises `NoDaemonError`."""
+        reader = await self._connect()
+        self._task = asyncio.create_task(self._run(reader))
+
+    async def close(self) -> None:
+        """Disconnect; what still waits for a reply gets `ConnectionLostError`."""
+        if self._task is not None:
+            self._task.cancel()
+            with suppress(asyncio.CancelledError):
+                await self._task
+        self._drop("the connection was closed")
+        self._gone = NoDaemonError("the connection was closed")
+        self._up.set()
+
+    async def call(self, method: str, params: dict[str, Any]) -> dict[str, Any]:
+        """Result of a request. Raises `RequestError`, `ConnectionLostError` or `NoDaemonError`."""
+        await self._up.wait()
+        if self._gone is not None:
+            raise self._gone
+        request_id = next(self._ids)
+        future: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
+        self._pending[request_id] = future
+        try:
+            self._write({"jsonrpc": "2.0", "id": request_id, "method": method, "params": params})
+            return await future
+        finally:
+            self._pending.pop(request_id, None)
+
+    async def notify(self, method: str, params: dict[str, Any]) -> None:
+        """Send a notification."""
+        await self._up.wait()
+        if self._gone is not None:
+            raise self._gone
+        self._write({"jsonrpc": "2.0", "method": method, "params": params})
+
+    def _write(self, message: dict[str, Any]) -> None:
+        if self._writer is None or self._writer.is_closing():
+            raise ConnectionLostError("the daemon went away")
+        self._writer.write(json.dumps(message, separators=(",", ":")).encode("ascii") + b"\n")
+
+    async def _connect(self) -> asyncio.StreamReader:
+        try:
+            reader, self._writer = await asyncio.open_unix_connection(str(self._path), limit=MAX_REPLY_BYTES)
+        except PermissionError:
+            hint = "ask for membership in its group, or use sudo"
+            raise NoDaemonError(f"the socket {self._path} does not let this user in: {hint}") from None
+        except OSError:
+            hint = "start one with `flightd run`, or name its socket with --socket or $FLIGHTD_SOCKET"
+            raise NoDaemonError(f"no daemon listens at {self._path}: {hint}") from None
+        self._up.set()
+        return reader
+
+    async def _run(self, reader: asyncio.StreamReader) -> None:
+        returning: asyncio.Task[None] | None = None
+        try:
+            while True:
+                await self._read(reader)
+                self._drop("the daemon went away before it answered; the request may still take effect")
+                if returning is not None:
+                    returning.cancel()
+                reader = await self._come_back()
+                returning = asyncio.create_task(self._on_return())
+        except NoDaemonError as error:
+            self._gone = error
+            self._up.set()
+            self._on_gone(error)
+        finally:
+            if returning is not None:
+                returning.cancel()
+
+    async def _come_back(self) -> asyncio.StreamReader:
+        loop = asyncio.get_running_loop()
+        deadline_s = loop.time() + self._reconnect_s
+        pause_s = FIRST_RETRY_S
+        while loop.time() + pause_s < deadline_s:
+            await asyncio.sleep(pause_s)
+            with suppress(NoDaemonError):
+                return await self._connect()
+            pause_s = min(2.0 * pause_s, LAST_RETRY_S)
+        raise NoDaemonError(f"the daemon at {self._path} went away and did not come back")
+
+    async def _read(self, reader: asyncio.StreamReader) -> None:
+        with suppress(OSError, ValueError, asyncio.IncompleteReadError):
+            while line := await reader.readline():
+                self._take(json.loads(line))
+
+    def _take(self, message: dict[str, Any]) -> None:
+        if "method" in message:
+            self._on_notification(message["method"], message["params"])
+            return
+        future = self._pending.get(message["id"]) if message.get("id") is not None else None
+        if future is None or future.done():
+            return
+        if "error" in message:
+            future.set_exception(error_from(message["error"]))
+        else:
+            future.set_result(message["result"])
+
+    def _drop(self, reason: str) -> None:
+        self._up.clear()
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None
+        for future in self._pending.values():
+            if not future.done():
+                future.set_exception(ConnectionLostError(reason))

@@ -1,0 +1,166 @@
+"""From a line to its reply: calls the service, counts what runs, turns errors into replies."""
+
+import asyncio
+from collections.abc import Coroutine, Mapping
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import structlog
+
+from daemon.goals.errors import ErrorCode, ProtocolError
+from daemon.goals.hub import TOPICS, Hub, event_payload
+from daemon.goals.methods import METHODS, PROTOCOL_VERSION, GoalSubmit, Subscribe, Unsubscribe
+from daemon.goals.protocol import (
+    Call,
+    Refusal,
+    encode_batch,
+    encode_error,
+    encode_notification,
+    encode_result,
+    interpret,
+    parse,
+)
+from daemon.goals.results import Subscription, SystemInfo
+from daemon.goals.service import FlightService
+from daemon.goals.session import Session
+
+log = structlog.get_logger(__name__)
+
+INTERNAL = "something went wrong inside the daemon; its log says what"
+
+
+class Dispatcher:
+    """Does what lines ask for."""
+
+    def __init__(self, service: FlightService, hub: Hub) -> None:
+        self._service = service
+        self._hub = hub
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    def handle(self, session: Session, line: bytes) -> None:
+        """Start what a line asks for; the reply follows when it is done."""
+        try:
+            messages, batch = parse(line)
+        except ProtocolError as error:
+            session.send(encode_error(None, error), essential=True)
+            return
+        if batch:
+            self._start(session, self._answer_batch(session, messages))
+            return
+        item = interpret(messages[0], operator=session.caller.operator)
+        if isinstance(item, Call) and not item.method.notification:
+            self._start(session, self._answer(session, item))
+        elif (reply := self._answer_now(session, item)) is not None:
+            session.send(reply, essential=True)
+
+    async def stop(self) -> None:
+        """Cancel what still runs."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def _start(self, session: Session, work: Coroutine[Any, Any, None]) -> None:
+        session.started()
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+
+        def done(task: asyncio.Task[None]) -> None:
+            self._tasks.discard(task)
+            session.finished()
+
+        task.add_done_callback(done)
+
+    def _answer_now(self, session: Session, item: Call | Refusal) -> bytes | None:
+        """Reply to what needs no task: a refusal, or a notification (None: reported as an event if it failed)."""
+        if isinstance(item, Call):
+            error = self._notify(session, item)
+        elif item.reply:
+            return encode_error(item.id, item.error)
+        else:
+            error = item.error
+        if error is not None:
+            payload = event_payload("refused", str(error), field=error.field)
+            session.send(encode_notification("telemetry.events", payload), essential=False)
+        return None
+
+    def _notify(self, session: Session, call: Call) -> ProtocolError | None:
+        try:
+            getattr(self._service, call.method.name.replace(".", "_"))(call.params, session.caller)
+        except ProtocolError as error:
+            return error
+        except Exception:
+            log.exception("request_failed", method=call.method.name)
+            return ProtocolError(ErrorCode.INTERNAL, INTERNAL)
+        return None
+
+    async def _answer(self, session: Session, call: Call) -> None:
+        reply, goal_id = await self._call(session, call)
+        session.send(reply, essential=True)
+        if goal_id is not None:
+            self._hub.goal_answered(goal_id)
+
+    async def _answer_batch(self, session: Session, messages: list[Any]) -> None:
+        replies: list[bytes] = []
+        goal_ids: list[str] = []
+        for message in messages:
+            item = interpret(message, operator=session.caller.operator)
+            if isinstance(item, Call) and not item.method.notification:
+                reply, goal_id = await self._call(session, item)
+                replies.append(reply)
+                goal_ids += [goal_id] if goal_id is not None else []
+            elif (refusal := self._answer_now(session, item)) is not None:
+                replies.append(refusal)
+            await asyncio.sleep(0)  # one message a pass of the loop, however long the batch
+        if replies:
+            session.send(encode_batch(replies), essential=True)
+        for goal_id in goal_ids:
+            self._hub.goal_answered(goal_id)
+
+    async def _call(self, session: Session, call: Call) -> tuple[bytes, str | None]:
+        """Reply of one request, and the id of the goal that it submitted."""
+        goal_id = self._hub.new_goal(session) if isinstance(call.params, GoalSubmit) else None
+        try:
+            return encode_result(call.id, await self._result(session, call, goal_id)), goal_id
+        except ProtocolError as caught:
+            error = caught
+        except Exception:
+            log.exception("request_failed", method=call.method.name)
+            error = ProtocolError(ErrorCode.INTERNAL, INTERNAL)
+        if goal_id is not None:
+            self._hub.goal_refused(goal_id)
+        return encode_error(call.id, error), None
+
+    async def _result(self, session: Session, call: Call, goal_id: str | None) -> Mapping[str, Any]:
+        if call.method.name == "system.info":
+            return self._info()
+        if isinstance(call.params, Subscribe):
+            session.rate_hz = call.params.rate_hz
+            topics = self._hub.subscribe(session, list(call.params.topics), call.params.rate_hz)
+            return Subscription(topics=topics, rate_hz=session.rate_hz)
+        if isinstance(call.params, Unsubscribe):
+            topics = self._hub.unsubscribe(session, list(call.params.topics or TOPICS))
+            return Subscription(topics=topics, rate_hz=session.rate_hz)
+        if isinstance(call.params, GoalSubmit) and goal_id is not None:
+            return await self._service.goal_submit(call.params, session.caller, goal_id)
+        do = getattr(self._service, call.method.name.replace(".", "_"))
+        result: Mapping[str, Any] = await do(call.params, session.caller)
+        return result
+
+    def _info(self) -> SystemInfo:
+        identity = self._service.identity()
+        return {
+            "name": "flightd",
+            "version": product_version(),
+            "protocol": PROTOCOL_VERSION,
+            "config_hash": identity.config_hash,
+            "uptime_s": identity.uptime_s,
+            "methods": list(METHODS),
+        }
+
+
+def product_version() -> str:
+    """Version of the installed distribution."""
+    try:
+        return version("flightd")
+    except PackageNotFoundError:
+        return "unknown"

@@ -1,0 +1,125 @@
+"""The goal socket's server: takes connections in and shares the loop's time among them."""
+
+import asyncio
+from collections import deque
+from contextlib import suppress
+
+import structlog
+
+from daemon.goals.dispatch import Dispatcher
+from daemon.goals.hub import Hub
+from daemon.goals.service import FlightService
+from daemon.goals.session import Session
+from daemon.goals.sockets import Listener, Operators
+
+MAX_CLIENTS = 1000
+BUFFER_BYTES = 16384
+LINES_PER_TURN = 4
+PAUSE_S = 0.001
+CHECK_PERIOD_S = 1.0
+GOODBYE_S = 0.2
+
+log = structlog.get_logger(__name__)
+
+
+class GoalServer:
+    """Serves the goal protocol on a listening socket.
+
+    At most ``LINES_PER_TURN`` lines are done a pass of the event loop, one for each client in turn, and after such a
+    pass it rests ``PAUSE_S``: a flood waits in the sockets of those who send it.
+    """
+
+    def __init__(self, service: FlightService, hub: Hub, operators: Operators) -> None:
+        self.operators = operators
+        self.buffer = memoryview(bytearray(BUFFER_BYTES))
+        self._hub = hub
+        self._dispatcher = Dispatcher(service, hub)
+        self._sessions: set[Session] = set()
+        self._ready: deque[Session] = deque()
+        self._turn: asyncio.Handle | None = None
+        self._check: asyncio.TimerHandle | None = None
+        self._empty = asyncio.Event()
+        self._count = 0
+        self._server: asyncio.Server | None = None
+        self._listener: Listener | None = None
+
+    async def start(self, listener: Listener) -> None:
+        """Begin to serve."""
+        loop = asyncio.get_running_loop()
+        self._listener = listener
+        self._server = await loop.create_unix_server(self._new_session, sock=listener.sock)
+        self._check = loop.call_later(CHECK_PERIOD_S, self._check_clients)
+        log.info("socket_listens", path=str(listener.path))
+
+    async def stop(self) -> None:
+        """Stop taking connections, end what runs, say goodbye within ``GOODBYE_S``, remove the socket."""
+        for handle in (self._check, self._turn):
+            if handle is not None:
+                handle.cancel()
+        if self._server is not None:
+            self._server.close()
+        if self._listener is not None:
+            self._listener.close()
+        await self._dispatcher.stop()
+        for session in list(self._sessions):
+            session.close()
+        if self._sessions:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._empty.wait(), GOODBYE_S)
+        for session in list(self._sessions):
+            session.abort()
+
+    def opened(self, session: Session) -> bool:
+        """Take the connection in, or refuse it because there are too many."""
+        self._sessions.add(session)
+        self._empty.clear()
+        return len(self._sessions) <= MAX_CLIENTS
+
+    def closed(self, session: Session) -> None:
+        """The connection is gone."""
+        self._sessions.discard(session)
+        self._hub.forget(session)
+        if not self._sessions:
+            self._empty.set()
+
+    def ready(self, session: Session) -> None:
+        """Let the connection work when its turn comes."""
+        if session.queued:
+            return
+        session.queued = True
+        self._ready.append(session)
+        if self._turn is None:
+            self._turn = asyncio.get_running_loop().call_soon(self._take_turns)
+
+    def handle(self, session: Session, line: bytes) -> None:
+        """Do what a line asks for."""
+        self._dispatcher.handle(session, line)
+
+    def idle(self, session: Session) -> bool:
+        """Tell whether nothing more is to come for a client that sends no more."""
+        return session.in_flight == 0 and not self._hub.topics_of(session) and not self._hub.owns_goal(session)
+
+    def _new_session(self) -> Session:
+        self._count += 1
+        return Session(self, self._count)
+
+    def _take_turns(self) -> None:
+        lines = 0
+        for _ in range(len(self._ready)):
+            session = self._ready.popleft()
+            session.queued = False
+            if session.work():
+                lines += 1
+                self.ready(session)
+            if lines == LINES_PER_TURN:
+                break
+        loop = asyncio.get_running_loop()
+        if lines == LINES_PER_TURN:
+            self._turn = loop.call_later(PAUSE_S, self._take_turns)
+        else:
+            self._turn = loop.call_soon(self._take_turns) if self._ready else None
+
+    def _check_clients(self) -> None:
+        for session in list(self._sessions):
+            session.check()
+        self._check = asyncio.get_running_loop().call_later(CHECK_PERIOD_S, self._check_clients)

@@ -1,0 +1,186 @@
+"""One client's connection: bounded reading, bounded work, bounded writing; it never makes the loop wait."""
+
+import asyncio
+import socket
+from typing import Protocol
+
+import structlog
+
+from daemon.goals.errors import ErrorCode, ProtocolError
+from daemon.goals.protocol import MAX_LINE_BYTES, LineSplitter, encode_error
+from daemon.goals.service import Caller
+from daemon.goals.sockets import Operators, peer_of
+
+SOFT_LIMIT_BYTES = 64 * 1024
+HARD_LIMIT_BYTES = 1024 * 1024
+MAX_IN_FLIGHT = 32
+PATIENCE_S = 5.0
+
+log = structlog.get_logger(__name__)
+
+
+class Host(Protocol):
+    """What a connection needs of the server."""
+
+    operators: Operators
+    buffer: memoryview
+
+    def opened(self, session: "Session") -> bool:
+        """Take the connection in, or refuse it because there are too many."""
+
+    def closed(self, session: "Session") -> None:
+        """The connection is gone."""
+
+    def ready(self, session: "Session") -> None:
+        """The connection has something to do: call its `work` soon."""
+
+    def handle(self, session: "Session", line: bytes) -> None:
+        """Do what a line asks for."""
+
+    def idle(self, session: "Session") -> bool:
+        """Tell whether nothing more is to come for a client that sends no more."""
+
+
+class Session(asyncio.BufferedProtocol):
+    """A connection: lines in, replies and notifications out."""
+
+    def __init__(self, host: Host, number: int) -> None:
+        self._host = host
+        self._number = number
+        self._lines = LineSplitter()
+        self._transport: asyncio.Transport | None = None
+        self._loop = asyncio.get_running_loop()
+        self._paused = False
+        self._stuck_since_s: float | None = None
+        self._ended = False
+        self._closing = False
+        self.caller = Caller(number, 0, -1, False)
+        self.queued = False
+        self.in_flight = 0
+        self.lost = 0
+        self.rate_hz = 10.0
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Find out who it is."""
+        assert isinstance(transport, asyncio.Transport)
+        self._transport = transport
+        transport.set_write_buffer_limits(high=SOFT_LIMIT_BYTES)
+        sock: socket.socket = transport.get_extra_info("socket")._sock
+        try:
+            peer = peer_of(sock)
+        except OSError:
+            transport.abort()
+            return
+        self.caller = Caller(self._number, peer.pid, peer.uid, self._host.operators.include(peer))
+        if not self._host.opened(self):
+            self.fail(ProtocolError(ErrorCode.WRONG_STATE, "too many connections; close some and try again"))
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The client is gone."""
+        self._closing = True
+        self._transport = None
+        self._host.closed(self)
+
+    def get_buffer(self, sizehint: int) -> memoryview:
+        """One buffer serves all connections: it is emptied in the same call."""
+        return self._host.buffer
+
+    def buffer_updated(self, nbytes: int) -> None:
+        """Keep what came; stop reading while there is a line's worth of work."""
+        if self._closing:
+            return
+        self._lines.feed(self._host.buffer[:nbytes])
+        if self._lines.pending_bytes > MAX_LINE_BYTES and self._transport is not None:
+            self._paused = True
+            self._transport.pause_reading()
+        self._host.ready(self)
+
+    def eof_received(self) -> bool:
+        """Go on answering a client that sends no more."""
+        self._ended = True
+        self._lines.finish()
+        self._host.ready(self)
+        return True
+
+    def pause_writing(self) -> None:
+        """Take no more requests of a client that does not read."""
+        self._stuck_since_s = self._loop.time()
+
+    def resume_writing(self) -> None:
+        """Go on."""
+        self._stuck_since_s = None
+        self._host.ready(self)
+
+    def work(self) -> bool:
+        """Do one line, if there is one and the client keeps up; tell whether there may be more."""
+        if self._closing or self.in_flight >= MAX_IN_FLIGHT or self._stuck_since_s is not None:
+            return False
+        try:
+            line = self._lines.take()
+        except ProtocolError as error:
+            self.fail(error)
+            return False
+        if line is None:
+            self._wait_for_more()
+            return False
+        if line:
+            self._host.handle(self, line)
+        return True
+
+    def _wait_for_more(self) -> None:
+        if self._ended and self._host.idle(self):
+            self.close()
+        elif self._paused and self._transport is not None:
+            self._paused = False
+            self._transport.resume_reading()
+
+    def started(self) -> None:
+        """A request of this client runs."""
+        self.in_flight += 1
+
+    def finished(self) -> None:
+        """A request of this client was answered."""
+        self.in_flight -= 1
+        self._host.ready(self)
+
+    def send(self, line: bytes, *, essential: bool) -> None:
+        """Write a line; a client that does not read loses what is not essential, and then its connection."""
+        transport = self._transport
+        if transport is None or self._closing:
+            return
+        waiting = transport.get_write_buffer_size()
+        if waiting > SOFT_LIMIT_BYTES and not essential:
+            self.lost += 1
+        elif waiting > HARD_LIMIT_BYTES:
+            self._cut_off()
+        else:
+            transport.write(line)
+
+    def fail(self, error: ProtocolError) -> None:
+        """Answer with an error and close."""
+        self.send(encode_error(None, error), essential=True)
+        self.close()
+
+    def close(self) -> None:
+        """Close when what was written has gone out."""
+        self._closing = True
+        if self._transport is not None:
+            self._stuck_since_s = self._stuck_since_s or self._loop.time()
+            self._transport.close()
+
+    def check(self) -> None:
+        """Cut the client off if it has not been reading for too long."""
+        if self._stuck_since_s is not None and self._loop.time() - self._stuck_since_s > PATIENCE_S:
+            self._cut_off()
+        elif self._ended:
+            self._host.ready(self)
+
+    def _cut_off(self) -> None:
+        log.warning("client_cut_off", pid=self.caller.pid, uid=self.caller.uid, lost=self.lost)
+        self.abort()
+
+    def abort(self) -> None:
+        """Close at once."""
+        self._closing = True
+        if self._transport is not None:
+            self._transport.abort()

@@ -1,0 +1,145 @@
+import asyncio
+
+import pytest
+from fake_flight import serving
+
+from daemon.goals.client import FlightClient
+from daemon.goals.client_errors import (
+    InvalidRequestError,
+    NoDaemonError,
+    NotPermittedError,
+    RefusedError,
+    RequestError,
+    UnknownGoalError,
+    WrongStateError,
+)
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "s"
+
+
+async def test_goal_gives_feedback_and_then_its_result(path):
+    async with serving(path, auto="succeeded") as daemon, FlightClient(path) as flight:
+        goal = await flight.goto(10, 0, -5, yaw_deg=90)
+        distances = [feedback.distance_m async for feedback in goal]
+        result = await goal
+        assert distances and distances == sorted(distances, reverse=True)
+        assert (result.outcome, result.succeeded, result.error_m) == ("succeeded", True, 0.12)
+        waypoint = daemon.calls[0][1].waypoint
+        assert waypoint.position == (10.0, 0.0, -5.0) and waypoint.yaw_deg == 90.0
+
+
+async def test_result_that_comes_with_the_reply_is_not_lost(path):
+    async with serving(path, auto="instant"), FlightClient(path) as flight:
+        goals = [await flight.goto(n, 0, -5) for n in range(50)]
+        assert [(await goal).outcome for goal in goals] == ["succeeded"] * 50
+
+
+async def test_newer_goal_preempts_and_its_client_learns_by_which(path):
+    async with serving(path), FlightClient(path) as first, FlightClient(path) as second:
+        old = await first.goto(1, 0, -5)
+        new = await second.goto(2, 0, -5)
+        result = await old
+        assert (result.outcome, result.by) == ("preempted", new.goal_id)
+        assert new.preempted == old.goal_id
+        assert not new.done
+
+
+async def test_cancel_ends_a_goal(path):
+    async with serving(path), FlightClient(path) as flight:
+        goal = await flight.goto(1, 0, -5)
+        await goal.cancel()
+        assert (await goal).outcome == "canceled"
+
+
+async def test_errors_are_exceptions_with_field_and_reason(path):
+    async with serving(path), FlightClient(path) as flight:
+        with pytest.raises(RefusedError) as refused:
+            await flight.goto(0, 0, -250)
+        assert refused.value.field == "waypoint.position[2]"
+        assert str(refused.value) == "waypoint.position[2]: -250 m is above the fence's ceiling of 120 m"
+        with pytest.raises(InvalidRequestError) as invalid:
+            await flight.goto(0, 0, -2, frame="moon")
+        assert invalid.value.field == "waypoint.frame"
+        with pytest.raises(UnknownGoalError):
+            await flight.cancel("nobody")
+        with pytest.raises(WrongStateError):
+            await flight.cancel()
+        with pytest.raises(RequestError) as internal:
+            await flight.goto(0, 0, -13)
+        assert internal.value.code == -32603
+
+
+async def test_observer_reads_but_does_not_act(path):
+    async with serving(path, observers=True) as daemon, FlightClient(path) as flight:
+        assert (await flight.status())["state"] == "ready"
+        for act in (flight.goto(1, 0, -5), flight.land(), flight.cancel(), flight.set_config("limits.speed_m_s", 1.0)):
+            with pytest.raises(NotPermittedError):
+                await act
+        assert daemon.calls == [] and daemon.setting["value"] == 5.0
+
+
+async def test_without_a_daemon_it_says_how_to_start_one(path):
+    with pytest.raises(NoDaemonError, match="flightd run"):
+        async with FlightClient(path):
+            pass
+
+
+async def test_comes_back_to_a_daemon_that_was_restarted(path):
+    async with serving(path, prefix="a"):
+        client = FlightClient(path)
+        await client.__aenter__()
+        goal = await client.goto(1, 0, -5)
+    async with serving(path, prefix="b"):
+        assert (await client.status())["state"] == "ready"
+        result = await asyncio.wait_for(goal.result(), 10)
+        assert (result.outcome, result.reason) == ("aborted", "the daemon was restarted")
+    await client.close()
+
+
+async def test_goal_goes_on_when_only_the_connection_was_lost(path):
+    async with serving(path) as daemon, FlightClient(path) as flight:
+        goal = await flight.goto(1, 0, -5)
+        for session in list(daemon.server._sessions):
+            session.abort()
+        await flight.status()
+        assert not goal.done
+        while not daemon.hub._gates["goal"]:
+            await flight.status()
+        daemon.end(goal.goal_id)
+        assert (await goal).succeeded
+
+
+async def test_gives_up_when_the_daemon_does_not_come_back(path):
+    async with serving(path):
+        client = FlightClient(path, reconnect_s=0.0)
+        await client.__aenter__()
+        goal = await client.goto(1, 0, -5)
+    with pytest.raises(NoDaemonError):
+        await goal
+    with pytest.raises(NoDaemonError):
+        await client.status()
+    await client.close()
+
+
+async def test_telemetry_of_a_topic_is_iterated_over(path):
+    async with serving(path) as daemon, FlightClient(path) as flight:
+        stream = flight.telemetry("events", "loops")
+        first = asyncio.ensure_future(anext(stream))
+        while not daemon.hub._gates["events"]:
+            await flight.status()
+        daemon.hub.event("reset", "the heading was reset")
+        got = await first
+        assert (got.topic, got.data["code"], got.data["text"]) == ("events", "reset", "the heading was reset")
+        await stream.aclose()
+        assert not daemon.hub._gates["events"]
+
+
+async def test_stream_sends_references_and_hears_of_refused_ones(path):
+    async with serving(path) as daemon, FlightClient(path) as flight:
+        goal = await flight.stream()
+        await flight.send_reference(goal.goal_id, [1, 2, -3], [0, 0, 0], yaw_deg=10)
+        await flight.status()
+        assert daemon.references[0].position == (1.0, 2.0, -3.0)
