@@ -1,0 +1,244 @@
+"""The live link with real MAVSDK, against a stand-in for PX4 on a loopback socket."""
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import AsyncIterator, Callable
+from typing import Any
+
+import pytest
+import structlog
+
+from daemon.autopilot.mavsdk_link import MavsdkLink
+from daemon.autopilot.port import Command, CommandKind, CommandRefusedError, NotConnectedError
+from daemon.autopilot.streams import STREAMS
+from daemon.messages import FlightMode, LandedState, Setpoint
+from daemon.sim.mavlink_codec import MavlinkCodec
+
+HOLD = 0x03040000
+PATIENCE_S = 20.0
+
+
+class UdpPx4(asyncio.DatagramProtocol):
+    """Sends HEARTBEAT at 5 Hz and ODOMETRY at 100 Hz to a port; answers commands and remembers what came."""
+
+    def __init__(self, port: int, system_id: int = 7) -> None:
+        self.port = port
+        self.codec = MavlinkCodec(system_id)
+        self.boot_us = 5_000_000
+        self.custom_mode = HOLD
+        self.results: dict[int, list[int]] = {}
+        self.events_after_ack: list[dict[str, Any]] = []
+        self.received: list[tuple[str, dict[str, Any], int, int]] = []
+        self.silent = False
+        self._transport: asyncio.DatagramTransport | None = None
+        self._task: asyncio.Task[None] | None = None
+
+    async def start(self) -> None:
+        loop = asyncio.get_running_loop()
+        self._transport, _ = await loop.create_datagram_endpoint(lambda: self, local_addr=("127.0.0.1", 0))
+        self._task = asyncio.ensure_future(self._run())
+
+    async def stop(self) -> None:
+        assert self._task is not None and self._transport is not None
+        self._task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await self._task
+        self._transport.close()
+
+    def of(self, name: str) -> list[dict[str, Any]]:
+        return [fields for got, fields, _, _ in self.received if got == name]
+
+    def commands(self, number: int) -> list[dict[str, Any]]:
+        return [fields for fields in self.of("COMMAND_LONG") if fields["command"] == number]
+
+    def send(self, name: str, fields: dict[str, Any]) -> None:
+        assert self._transport is not None
+        if not self.silent:
+            self._transport.sendto(self.codec.encode(name, fields), ("127.0.0.1", self.port))
+
+    async def _run(self) -> None:
+        tick = 0
+        while True:
+            if tick % 20 == 0:
+                self.send("HEARTBEAT", {"type": 2, "autopilot": 12, "base_mode": 157, "custom_mode": self.custom_mode,
+                                        "system_status": 4, "mavlink_version": 3})  # fmt: skip
+                self.send("EXTENDED_SYS_STATE", {"landed_state": 2})
+            self.boot_us += 10_000
+            self.send("ODOMETRY", {"time_usec": self.boot_us, "frame_id": 1, "child_frame_id": 1, "x": 1.5, "y": -2.5,
+                                   "z": -10.0, "q": [0.5, 0.5, 0.5, 0.5], "vx": 3.0, "vy": 4.0, "vz": -1.0,
+                                   "rollspeed": 0.125, "pitchspeed": 0.25, "yawspeed": 0.5, "reset_counter": 255,
+                                   "pose_covariance": [None] * 21, "velocity_covariance": [0.0] * 21})  # fmt: skip
+            tick += 1
+            await asyncio.sleep(0.01)
+
+    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        for message in self.codec.decode(data):
+            self.received.append(message)
+            name, fields = message[:2]
+            if name == "COMMAND_LONG":
+                number = int(fields["command"])
+                for result in self.results.get(number, [0, 0] if number == 176 else [0]):
+                    self.send("COMMAND_ACK", {"command": number, "result": result, "target_system": message[2],
+                                              "target_component": message[3]})  # fmt: skip
+                for event in self.events_after_ack if number in self.results else []:
+                    self.send("EVENT", event)
+            elif name == "PARAM_REQUEST_READ":
+                self._answer_parameter(fields["param_id"])
+
+    def _answer_parameter(self, name: str) -> None:
+        known: dict[str, tuple[float, int]] = {"MPC_THR_HOVER": (0.5, 9), "COM_RC_OVERRIDE": (3, 6)}
+        if name in known:
+            value, kind = known[name]
+            self.send("PARAM_VALUE", {"param_id": name, "param_value": value, "param_type": kind})
+        else:
+            self.send("PARAM_ERROR", {"param_id": name, "error": 1, "target_system": 1, "target_component": 195})
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        while not condition():  # noqa: ASYNC110  # the conditions are cells, not events
+            await asyncio.sleep(0.005)
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@contextlib.asynccontextmanager
+async def running(link: MavsdkLink) -> AsyncIterator["asyncio.Task[None]"]:
+    task = asyncio.ensure_future(link.run())
+    try:
+        yield task
+    finally:
+        task.cancel()
+        async with asyncio.timeout(PATIENCE_S):
+            with contextlib.suppress(asyncio.CancelledError):
+                await task
+
+
+@contextlib.asynccontextmanager
+async def connected() -> AsyncIterator[tuple[MavsdkLink, UdpPx4]]:
+    port = free_port()
+    link, px4 = MavsdkLink(f"udpin://127.0.0.1:{port}"), UdpPx4(port)
+    async with running(link):
+        await px4.start()
+        try:
+            await until(lambda: link.status.value.connected and link.odometry.value is not None)
+            yield link, px4
+        finally:
+            await px4.stop()
+
+
+async def test_it_starts_without_an_autopilot_and_waits() -> None:
+    link = MavsdkLink(f"udpin://127.0.0.1:{free_port()}")
+    async with running(link) as task:
+        await asyncio.sleep(0.3)
+        assert not task.done()
+        assert not link.status.value.connected
+        assert not link.send_setpoint(Setpoint((0.0, 0.0, 0.0), 0.5))
+        assert not link.request_mode(FlightMode.HOLD)
+        with pytest.raises(NotConnectedError):
+            await link.command(Command(CommandKind.ARM), 1.0)
+
+
+async def test_on_connect_the_whole_table_is_asked_for_and_telemetry_comes_out_in_its_units() -> None:
+    async with connected() as (link, px4):
+        await until(lambda: link.status.value.landed is LandedState.IN_AIR)
+        await until(lambda: {int(f["param1"]) for f in px4.commands(511)} >= {s.message_id for s in STREAMS})
+        rates = {int(f["param1"]): f["param2"] for f in px4.commands(511)}
+        assert rates[331] == pytest.approx(10_000.0)
+        status, odometry = link.status.value, link.odometry.value
+        assert (status.mode, status.armed) == (FlightMode.HOLD, True)
+        assert odometry is not None
+        assert (odometry.frame_id, odometry.child_frame_id, odometry.reset_counter) == (1, 1, 255)
+        assert (odometry.position_m, odometry.velocity_m_s) == ((1.5, -2.5, -10.0), (3.0, 4.0, -1.0))
+        assert (odometry.attitude_wb, odometry.rates_frd_rad_s) == ((0.5, 0.5, 0.5, 0.5), (0.125, 0.25, 0.5))
+        assert odometry.position_variance_m2[0] != odometry.position_variance_m2[0]
+        version = link.odometry.version
+        await until(lambda: link.odometry.version > version + 5)
+
+
+async def test_setpoints_arrive_as_sent_addressed_to_the_vehicle_also_from_another_thread() -> None:
+    async with connected() as (link, px4):
+        assert link.send_setpoint(Setpoint((0.125, -0.25, 0.5), 0.75))
+        assert await asyncio.to_thread(link.send_setpoint, Setpoint((1.0, 0.0, 0.0), 0.5))
+        assert not link.send_setpoint(Setpoint((float("nan"), 0.0, 0.0), 0.5))
+        assert not link.send_setpoint(Setpoint((0.0, 0.0, 0.0), float("inf")))
+        await until(lambda: len(px4.of("SET_ATTITUDE_TARGET")) >= 2)
+        await asyncio.sleep(0.3)
+        first, second = px4.of("SET_ATTITUDE_TARGET")  # exactly two: nothing is repeated by anybody
+        assert (first["target_system"], first["target_component"], first["type_mask"]) == (7, 1, 128)
+        assert (first["body_roll_rate"], first["body_pitch_rate"], first["body_yaw_rate"]) == (0.125, -0.25, 0.5)
+        assert (first["thrust"], second["body_roll_rate"]) == (0.75, 1.0)
+
+
+@pytest.mark.parametrize("other_thread", [False, True])
+async def test_a_refused_mode_is_told_with_its_reason(other_thread: bool) -> None:
+    async with connected() as (link, px4):
+        px4.results[176] = [0, 1]
+        px4.events_after_ack = [{"id": 27280279, "arguments": "0000060002"}]
+        asked = link.request_mode
+        assert await asyncio.to_thread(asked, FlightMode.OFFBOARD) if other_thread else asked(FlightMode.OFFBOARD)
+        await until(lambda: link.status.value.mode_refusal is not None)
+        await until(lambda: "not possible" in getattr(link.status.value.mode_refusal, "reason", ""))
+        (command,) = px4.commands(176)
+        assert (command["param1"], command["param2"], command["target_system"]) == (129.0, 6.0, 7)
+        assert command["param4"] != command["param4"]
+
+
+async def test_a_mode_that_current_mode_shows_is_the_mode() -> None:
+    async with connected() as (link, px4):
+        px4.send("CURRENT_MODE", {"custom_mode": 0x00060000, "intended_custom_mode": 0x00060000})
+        await until(lambda: link.status.value.mode is FlightMode.OFFBOARD)
+        px4.custom_mode = 0x00060000
+        px4.send("EVENT", {"id": 31382480, "arguments": "0000060006"})
+        await until(lambda: link.status.value.mode is FlightMode.RETURN)
+        assert link.status.value.intended_mode is FlightMode.OFFBOARD
+
+
+async def test_commands_and_parameters_are_answered() -> None:
+    async with connected() as (link, px4):
+        await link.command(Command(CommandKind.TAKEOFF, 494.5), PATIENCE_S)
+        assert px4.commands(22)[0]["param7"] == 494.5
+        px4.results[400] = [1]
+        px4.events_after_ack = [{"id": 16910493, "arguments": ""}]
+        with pytest.raises(CommandRefusedError, match="temporarily rejected; arming denied"):
+            await link.command(Command(CommandKind.ARM), PATIENCE_S)
+        assert await link.read_parameter("MPC_THR_HOVER", PATIENCE_S) == 0.5
+        assert await link.read_parameter("COM_RC_OVERRIDE", PATIENCE_S) == 3
+        assert await link.read_parameter("NO_SUCH_PARAM", PATIENCE_S) is None
+
+
+async def test_a_rebooted_autopilot_is_asked_again_even_from_another_port() -> None:
+    async with connected() as (link, px4):
+        await until(lambda: len(px4.commands(511)) >= len(STREAMS))
+        await px4.stop()
+        await until(lambda: not link.status.value.connected)
+        again = UdpPx4(px4.port)
+        again.boot_us = 1_000_000
+        await again.start()
+        try:
+            await until(lambda: link.status.value.connected and link.status.value.boot_count == 1)
+            await until(lambda: {int(f["param1"]) for f in again.commands(511)} >= {s.message_id for s in STREAMS})
+            assert link.send_setpoint(Setpoint((0.0, 0.0, 0.0), 0.5))
+            await until(lambda: len(again.of("SET_ATTITUDE_TARGET")) == 1)
+        finally:
+            await again.stop()
+
+
+async def test_mavsdks_log_goes_into_ours_and_not_to_stdout(capfd: pytest.CaptureFixture[str]) -> None:
+    with structlog.testing.capture_logs() as lines:
+        async with connected() as (_link, _px4):
+            await until(lambda: any(line["event"] == "link up" for line in lines))
+    assert any("New system" in line.get("text", "") for line in lines)
+    assert "New system" not in capfd.readouterr().out
+
+
+async def test_nothing_can_be_sent_after_the_end() -> None:
+    async with connected() as (link, _px4):
+        assert link.send_setpoint(Setpoint((0.0, 0.0, 0.0), 0.5))
+    assert not link.send_setpoint(Setpoint((0.0, 0.0, 0.0), 0.5))
+    assert not link.request_mode(FlightMode.HOLD)
