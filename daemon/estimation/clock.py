@@ -15,8 +15,9 @@ class ClockParameters:
     """How the clocks are compared.
 
     ``telemetry_latency_s``: age of the quickest sample, which no envelope sees. Measured on ODOMETRY against the
-    quickest TIMESYNC: 5 ms, plus what TIMESYNC itself takes; with it the age is 13 ms in the median.
-    ``drift_margin``: rise of the envelope beyond the drift, in seconds a second; ``drift_max`` bounds the drift.
+    quickest TIMESYNC: 5 ms, plus what TIMESYNC itself takes; with it the age of ODOMETRY is 12 ms in the median.
+    ``drift_margin``: rise of the envelope beyond the drift, in seconds a second; ``drift_max`` bounds the drift,
+    and is the rise until a first drift is known.
     ``drift_window_s``: the drift is the slope between the lowest offsets of such windows, averaged over the last
     ``drift_windows``.
     ``step_s``: a lag that comes at once and is larger may be a step; it is one after ``step_samples`` samples within
@@ -85,7 +86,8 @@ def observe(
     if stamp_us == state.stamp_us:
         return state, Verdict.REPEATED
     dt = (stamp_us - state.stamp_us) * 1e-6
-    offset = state.offset_s + (state.drift + parameters.drift_margin) * max(0.0, dt)
+    rise = state.drift + parameters.drift_margin if state.slopes else parameters.drift_max
+    offset = state.offset_s + rise * max(0.0, dt)
     lag = observed - offset
     orderly = dt > 0.0 and lag >= -parameters.ahead_s
     onset = lag - state.lag_s > 0.75 * parameters.step_s and lag > parameters.step_s

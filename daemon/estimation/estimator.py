@@ -4,23 +4,18 @@ from dataclasses import dataclass, field
 from math import inf
 
 from daemon.estimation import cross_check, gate
-from daemon.estimation.clock import ClockParameters
 from daemon.estimation.cross_check import CrossCheckParameters, CrossCheckState
 from daemon.estimation.gate import Refusal
 from daemon.estimation.intake import Event, IntakeParameters, IntakeState, take
-from daemon.estimation.predictor import PredictorParameters
-from daemon.estimation.quality import Quality, QualityParameters
-from daemon.estimation.reset_tracker import ResetParameters
+from daemon.estimation.quality import Quality
 from daemon.frames import clip_norm, is_finite
 from daemon.messages import ZERO3, EstimatedState, FrameShift, Imu, Odometry, Reset, Vec3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EstimatorParameters:
-    """Parameters of the parts."""
+class EstimatorParameters(IntakeParameters):
+    """Parameters of the intake's parts, and of the cross-check."""
 
-    intake: IntakeParameters = field(default_factory=IntakeParameters)
-    predictor: PredictorParameters = field(default_factory=PredictorParameters)
     cross_check: CrossCheckParameters = field(default_factory=CrossCheckParameters)
 
 
@@ -53,23 +48,6 @@ class Estimate:
     disagreement_rad: float
 
 
-def configured(
-    *, telemetry_latency_s: float, position_variance_max_m2: float, reset_max_m: float
-) -> EstimatorParameters:
-    """The parameters by the three numbers of a vehicle.
-
-    ``telemetry_latency_s``: age of the quickest sample. ``position_variance_max_m2``: beyond it the position counts as
-    lost, and what a reset then brings as the truth. ``reset_max_m``: so does what a larger reset brings.
-    """
-    return EstimatorParameters(
-        intake=IntakeParameters(
-            clock=ClockParameters(telemetry_latency_s=telemetry_latency_s),
-            reset=ResetParameters(reset_max_m=reset_max_m, variance_trusted_m2=position_variance_max_m2),
-            quality=QualityParameters(variance_max_m2=position_variance_max_m2),
-        )
-    )
-
-
 def initial(parameters: EstimatorParameters) -> EstimatorState:
     """Nothing seen yet."""
     return EstimatorState()
@@ -90,8 +68,8 @@ def step(
     it is not finite. Raises nothing.
     """
     acceleration = acceleration_ned_m_s2 if is_finite(acceleration_ned_m_s2) else ZERO3
-    acceleration = clip_norm(acceleration, parameters.predictor.acceleration_max_m_s2)
-    intake, taken = take(state.intake, odometry, acceleration, now_s, parameters=parameters.intake)
+    acceleration = clip_norm(acceleration, parameters.reset.acceleration_max_m_s2)
+    intake, taken = take(state.intake, odometry, acceleration, now_s, parameters=parameters)
     newest = intake.newest
     checked = cross_check.step(
         state.cross_check, imu, newest.attitude_wb if newest else None, parameters=parameters.cross_check
@@ -112,5 +90,5 @@ def step(
 
 def refusals(state: EstimatorState, now_s: float, *, parameters: EstimatorParameters) -> dict[str, float]:
     """The gate's decayed counters by reason, for the status."""
-    values = gate.decayed(state.intake.counts, now_s, parameters=parameters.intake.gate)
+    values = gate.decayed(state.intake.counts, now_s, parameters=parameters.gate)
     return {reason.label: values[reason] for reason in Refusal}

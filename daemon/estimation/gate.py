@@ -72,8 +72,8 @@ def read(odometry: Odometry, *, parameters: GateParameters) -> Sample | Refusal:
     position, velocity, attitude = odometry.position_m, odometry.velocity_m_s, odometry.attitude_wb
     rates = odometry.rates_frd_rad_s
     # One sum tells: NaN and inf survive it. A finite sum can still overflow, then each number is looked at.
-    total = sum(position) + sum(velocity) + sum(attitude) + sum(rates)
-    if total - total != 0.0 and not is_finite(position + velocity + attitude + rates):
+    total = sum(position) + sum(velocity) + sum(attitude) + sum(rates) + odometry.arrival_s
+    if total - total != 0.0 and not is_finite((*position, *velocity, *attitude, *rates, odometry.arrival_s)):
         return Refusal.NOT_FINITE
     if not abs(hypot(*attitude) - 1.0) <= parameters.quaternion_norm_tolerance:
         return Refusal.QUATERNION_NORM

@@ -33,6 +33,7 @@ class ResetParameters:
 
     ``*_noise_*``: of recorded innovations 999 of 1000 are within 0.04 m, 0.06 m/s and 0.3 deg.
     ``acceleration_unknown_m_s2`` and ``yaw_acceleration_unknown_rad_s2`` widen them with the time between the samples.
+    ``acceleration_max_m_s2`` bounds the commanded acceleration that the prediction believes.
     ``gap_s``: after a longer silence the prediction says nothing.
     ``reset_max_m``: a larger jump of position is the return of the truth. ``variance_trusted_m2``: so is one after a
     position whose variance was larger.
@@ -43,6 +44,7 @@ class ResetParameters:
     yaw_noise_rad: float = 0.017
     acceleration_unknown_m_s2: float = 4.0
     yaw_acceleration_unknown_rad_s2: float = 4.0
+    acceleration_max_m_s2: float = 40.0
     gap_s: float = 0.5
     reset_max_m: float = 20.0
     variance_trusted_m2: float = 0.3

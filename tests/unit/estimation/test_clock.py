@@ -1,0 +1,140 @@
+"""The clock against autopilots whose clock we know: its offset is the oracle."""
+
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daemon.estimation import clock
+from daemon.estimation.clock import ClockParameters, Verdict
+
+PARAMETERS = ClockParameters()
+LATENCY_S = PARAMETERS.telemetry_latency_s
+
+
+def run(stamped, state=None):
+    """Feed (stamp_us, arrival_s); yield (verdict, loop time of the stamp, state)."""
+    for stamp_us, arrival_s in stamped:
+        state, verdict = clock.observe(state, stamp_us, arrival_s, parameters=PARAMETERS)
+        yield verdict, clock.loop_time_s(state, stamp_us, parameters=PARAMETERS), state
+
+
+def grid(count, first_us=1_000_000):
+    """Stamps of PX4 at 100 Hz: 8, 8, 8 and 16 ms."""
+    stamp = first_us
+    for i in range(count):
+        yield stamp
+        stamp += 16_000 if i % 4 == 3 else 8_000
+
+
+def flight(count, *, rate=1.0, offset_s=50.0, seed=1, first_us=1_000_000):
+    """(stamp, arrival, true loop time): a clock that runs ``rate`` of ours, 0 to 8 ms of waiting for the burst."""
+    random = Random(seed)
+    for stamp in grid(count, first_us):
+        true_s = offset_s + stamp * 1e-6 / rate
+        yield stamp, true_s + LATENCY_S + random.uniform(0.0, 0.008), true_s
+
+
+@pytest.mark.parametrize("rate", [1.0, 1.0 - 20e-6, 0.99, 0.98, 1.01])
+def test_the_time_of_a_sample_is_known_whatever_the_clocks_rate(rate):
+    samples = list(flight(2000, rate=rate))
+    errors = [found - true for (_, found, _), (_, _, true) in zip(run(s[:2] for s in samples), samples, strict=True)]
+    assert max(abs(e) for e in errors[300:]) < 0.003
+
+
+def test_the_drift_is_learned():
+    *_, (_, _, state) = run(s[:2] for s in flight(2000, rate=0.98))
+    assert state.drift == pytest.approx(1.0 / 0.98 - 1.0, abs=0.002)
+
+
+def test_a_late_first_sample_does_not_spoil_what_follows():
+    samples = [
+        (stamp, arrival + (0.15 if i == 0 else 0.0), true) for i, (stamp, arrival, true) in enumerate(flight(200))
+    ]
+    found = [f for _, f, _ in run(s[:2] for s in samples)]
+    assert found[20] == pytest.approx(samples[20][2], abs=0.008)
+
+
+def test_late_samples_are_known_to_be_old():
+    """The link held one sample back for 60 ms: its time is that of its stamp all the same."""
+    samples = list(flight(500))
+    late = [(s, a + (0.06 if i == 400 else 0.0)) for i, (s, a, _) in enumerate(samples)]
+    found = [f for _, f, _ in run(late)]
+    assert found[400] == pytest.approx(samples[400][2], abs=0.003)
+
+
+def test_a_link_that_fills_up_slowly_shows_as_age():
+    samples = list(flight(800))
+    filling = [(s, a + min(0.1, max(0, i - 400) * 0.002)) for i, (s, a, _) in enumerate(samples)]
+    found = [f for _, f, _ in run(filling)]
+    ages = [a - f for (_, a), f in zip(filling, found, strict=True)]
+    assert ages[455] > 0.1
+
+
+def test_a_simulation_that_stood_still_costs_three_samples():
+    samples = list(flight(600))
+    halted = [(s, a + (0.12 if i >= 400 else 0.0)) for i, (s, a, _) in enumerate(samples)]
+    verdicts = [(v, f) for v, f, _ in run(halted)]
+    assert verdicts[402][0] is Verdict.STEPPED
+    assert verdicts[450][1] == pytest.approx(samples[450][2] + 0.12, abs=0.008)
+
+
+def test_a_burst_after_a_stall_of_the_link_is_not_a_step():
+    samples = list(flight(600))
+    held_s = samples[400][1] + 0.15
+    burst = [(s, max(a, held_s + 1e-4 * (i - 400)) if i >= 400 else a) for i, (s, a, _) in enumerate(samples)]
+    verdicts = [v for v, _, _ in run(burst)]
+    assert set(verdicts) == {Verdict.GOOD}
+
+
+def test_stamps_repeated_or_out_of_order_are_named():
+    samples = [s[:2] for s in flight(100)]
+    samples.insert(60, samples[59])
+    samples.insert(80, samples[70])
+    verdicts = [v for v, _, _ in run(samples)]
+    assert verdicts[60] is Verdict.REPEATED
+    assert verdicts[80] is Verdict.BACKWARDS
+    assert verdicts.count(Verdict.GOOD) == 100
+
+
+def test_a_single_stamp_from_the_future_changes_nothing():
+    samples = [s[:2] for s in flight(100)]
+    samples[50] = (samples[50][0] + 10_000_000, samples[50][1])
+    results = list(run(samples))
+    assert results[50][0] is Verdict.AHEAD
+    assert results[51][0] is Verdict.GOOD
+    assert results[51][1] == pytest.approx(results[49][1] + 0.02, abs=0.008)
+
+
+@pytest.mark.parametrize("step_s", [5.0, -5.0, 1e6, -0.5])
+def test_a_step_of_the_autopilots_clock_is_followed_after_three_samples(step_s):
+    before = [s[:2] for s in flight(200, first_us=10_000_000)]
+    after = [(s + round(step_s * 1e6), a) for s, a, _ in list(flight(400, first_us=10_000_000))[200:]]
+    results = list(run(before + after))
+    assert results[199 + PARAMETERS.step_samples][0] in (Verdict.STEPPED, Verdict.REBOOTED)
+    truth = list(flight(400, first_us=10_000_000))[260][2]
+    assert results[260][1] == pytest.approx(truth, abs=0.008)
+
+
+def test_a_reboot_is_told_from_a_step():
+    before = [s[:2] for s in flight(300, first_us=600_000_000)]
+    down_s = before[-1][1] + 8.0
+    after = [(s, a - 50.0 + down_s) for s, a, _ in flight(50, first_us=20_000)]
+    verdicts = [v for v, _, _ in run(before + after)]
+    assert verdicts[300:302] == [Verdict.BACKWARDS] * 2
+    assert verdicts[302] is Verdict.REBOOTED
+    assert set(verdicts[303:]) == {Verdict.GOOD}
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 2**64 - 1), st.floats(-1e9, 1e9)) | st.tuples(st.integers(0, 10**6), st.floats(0, 10)),
+        max_size=40,
+    )
+)
+def test_no_stamp_puts_a_sample_into_the_future(stamped):
+    for (_, arrival), (verdict, found, _) in zip(stamped, run(stamped), strict=True):
+        if verdict in (Verdict.GOOD, Verdict.STEPPED, Verdict.REBOOTED):
+            assert found <= arrival - LATENCY_S + 0.01
