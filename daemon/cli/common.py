@@ -68,12 +68,13 @@ def _negative(arg: str) -> bool:
     return NEGATIVE_NUMBER.match(arg) is not None
 
 
-def number(text: str) -> float:
-    """A number of the command line."""
+def number(text: str | float) -> float:
+    """A number of the command line (or an option's default)."""
+    plain = str(text).replace(MINUS, "-")
     try:
-        return float(text.replace(MINUS, "-"))
+        return float(plain)
     except ValueError:
-        raise typer.BadParameter(f"{text.replace(MINUS, '-')!r} is not a number") from None
+        raise typer.BadParameter(f"{plain!r} is not a number") from None
 
 
 SocketOption = Annotated[

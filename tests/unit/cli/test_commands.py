@@ -1,0 +1,140 @@
+import json
+import signal
+
+import pytest
+from fake_flight import serving_in_thread
+
+
+def test_goto_takes_negative_numbers_and_waits_for_the_result(flightd, path):
+    with serving_in_thread(path, auto="succeeded") as daemon:
+        done = flightd("goto", "10", "0", "-5", "--yaw", "-90", "--frame", "local_enu", "--mode", "only_position")
+        assert done.returncode == 0, done.err
+        waypoint = daemon.calls[0][1].waypoint
+    assert waypoint.position == (10.0, 0.0, -5.0)
+    assert (waypoint.yaw_deg, waypoint.frame, waypoint.mode) == (-90.0, "local_enu", "only_position")
+    assert "succeeded after 4.2 s, 0.12 m" in done.out
+    assert "\x1b" not in done.out + done.err
+
+
+def test_goto_json_is_one_object(flightd, path):
+    with serving_in_thread(path, auto="succeeded"):
+        done = flightd("goto", "10", "0", "-.5", "--json")
+    assert done.returncode == 0
+    assert json.loads(done.out)["outcome"] == "succeeded"
+
+
+def test_goto_aborted_is_1(flightd, path):
+    with serving_in_thread(path, auto="aborted"):
+        done = flightd("goto", "10", "0", "-5")
+    assert done.returncode == 1
+    assert "timeout" in done.out
+
+
+def test_goto_refused_is_2_with_the_field_and_the_reason(flightd, path):
+    with serving_in_thread(path):
+        done = flightd("goto", "0", "0", "-250")
+        as_json = flightd("goto", "0", "0", "-250", "--json")
+    assert done.returncode == 2
+    assert "waypoint.position[2]: -250 m is above the fence's ceiling of 120 m" in done.err
+    assert json.loads(as_json.out)["error"]["field"] == "waypoint.position[2]"
+
+
+def test_goto_preempted_is_3(flightd, path):
+    with serving_in_thread(path) as daemon:
+        first = flightd.start("goto", "1", "0", "-5")
+        wait_until(lambda: daemon.active is not None)
+        second = flightd.start("goto", "2", "0", "-5")
+        out, _ = first.communicate(timeout=30)
+        assert first.returncode == 3
+        assert daemon.active in out
+        second.send_signal(signal.SIGINT)
+        second.communicate(timeout=30)
+
+
+def test_interrupt_cancels_the_goal_and_is_4(flightd, path):
+    with serving_in_thread(path) as daemon:
+        process = flightd.start("goto", "1", "0", "-5")
+        wait_until(lambda: daemon.active is not None)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=30)
+        assert [record["outcome"] for record in daemon.records.values()] == ["canceled"]
+    assert process.returncode == 4
+    assert "canceled" in out and "canceling" in err
+
+
+def test_no_daemon_is_5_and_says_what_to_do(flightd):
+    done = flightd("status")
+    assert done.returncode == 5
+    assert "flightd run" in done.err
+
+
+def test_observer_is_6(flightd, path):
+    with serving_in_thread(path, observers=True):
+        assert flightd("status").returncode == 0
+        done = flightd("land")
+    assert done.returncode == 6
+    assert "operators" in done.err
+
+
+def test_a_word_for_a_number_is_refused_before_asking_the_daemon(flightd):
+    done = flightd("goto", "1", "two", "-5")
+    assert done.returncode == 2
+    assert "'two' is not a number" in done.err
+
+
+def test_unknown_option_is_not_taken_for_a_number(flightd):
+    done = flightd("goto", "1", "2", "-5", "--yawn", "3")
+    assert done.returncode == 2
+    assert "--yawn" in done.err
+
+
+@pytest.mark.parametrize("name", ["arm", "disarm", "engage", "hold", "land", "return"])
+def test_vehicle_commands_ask_for_what_they_are_called(flightd, path, name):
+    with serving_in_thread(path) as daemon:
+        done = flightd(name, "--json")
+        assert [call[0] for call in daemon.calls] == [name]
+    assert done.returncode == 0, done.err
+    assert json.loads(done.out)["mode"] == "hold"
+
+
+def test_takeoff_and_status_in_words(flightd, path):
+    with serving_in_thread(path) as daemon:
+        assert flightd("takeoff", "5").out == "ready: mode hold, armed, in_air\n"
+        assert daemon.calls[0][1].altitude_m == 5.0
+        shown = flightd("status").out
+    assert "ready" in shown and "battery 87 %" in shown and "N 1.00  E 2.00  D -3.00 m" in shown
+
+
+def test_wrong_state_tells_the_next_step(flightd, path):
+    with serving_in_thread(path) as daemon:
+        daemon.state = "standby"
+        done = flightd("engage")
+    assert done.returncode == 2
+    assert "flightd takeoff" in done.err
+
+
+def test_cancel_names_the_goal(flightd, path):
+    with serving_in_thread(path) as daemon:
+        process = flightd.start("goto", "1", "0", "-5")
+        wait_until(lambda: daemon.active is not None)
+        goal_id = daemon.active
+        assert goal_id in flightd("cancel").out
+        process.communicate(timeout=30)
+        assert process.returncode == 4
+
+
+@pytest.mark.parametrize("name", ["goto", "takeoff", "status", "cancel", "land"])
+def test_help_shows_an_example_and_the_exit_codes(flightd, name):
+    shown = flightd(name, "--help").out
+    assert f"flightd {name}" in shown
+    assert "5 no daemon" in " ".join(shown.split())
+
+
+def wait_until(condition):
+    import threading
+
+    for _ in range(3000):
+        if condition():
+            return
+        threading.Event().wait(0.01)
+    raise AssertionError("it never came")
