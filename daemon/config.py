@@ -273,3 +273,21 @@ def describe(path: str) -> dict[str, Any]:
         "unit": extra.get("unit"),
         "settable": bool(extra.get("settable", False)),
     }
+
+
+def value_at(config: Config, path: str) -> Any:
+    """The value at a dotted path, as the files write it. Raises ``KeyError``."""
+    value: Any = config.model_dump(mode="json")
+    for key in path.split("."):
+        value = value[key]
+    if isinstance(value, dict):
+        raise KeyError(path)
+    return value
+
+
+def with_value(config: Config, path: str, value: Any) -> Config:
+    """The configuration with one value changed. Raises ``ConfigError``."""
+    change: Any = value
+    for key in reversed(path.split(".")):
+        change = {key: change}
+    return validated(_stacked(config.model_dump(mode="json"), change))

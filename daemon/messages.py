@@ -158,6 +158,20 @@ class EstimatedState:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class ExternalPose:
+    """A pose from outside (motion capture, visual odometry) in local NED, true at ``stamp_s`` of the loop's clock.
+
+    Variances None where the sender does not know them; the angles' are of roll, pitch, yaw.
+    """
+
+    stamp_s: float
+    position_ned_m: Vec3
+    attitude_wb: Quat | None = None
+    position_variance_m2: Vec3 | None = None
+    angle_variance_rad2: Vec3 | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Reset:
     """A jump of the autopilot's estimate that is not motion: what it is called and by how much (new minus old).
 

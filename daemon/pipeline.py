@@ -4,7 +4,7 @@ The live control task, the tests in virtual time and the replay of a flight reco
 nothing in flight: what cannot be used is named in the record, and the supervisor acts on it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from daemon import frames
 from daemon.control import controller
@@ -12,7 +12,7 @@ from daemon.control.controller import ControlRecord, ControlState
 from daemon.control.parameters import ControlParameters
 from daemon.estimation import estimator, predictor
 from daemon.estimation.estimator import Estimate, EstimatorParameters, EstimatorState
-from daemon.estimation.predictor import PredictorParameters, SentRates
+from daemon.estimation.predictor import SentRates
 from daemon.guidance.brake import brake
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.plan import Plan
@@ -39,15 +39,19 @@ from daemon.safety.supervisor import FLYING, OURS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameters:
-    """All that the flow can be tuned by. ``command_latency_s``: from sending a setpoint until it acts."""
+    """All that the flow can be tuned by.
+
+    ``command_latency_s``: from sending a setpoint until it acts. ``fence_shift``: the frame in which the fence's anchor
+    was computed; resets since then move it.
+    """
 
     estimator: EstimatorParameters
-    predictor: PredictorParameters
     control: ControlParameters
     limits: MotionLimits
     bounds: Bounds
     timing: Timing
     command_latency_s: float = 0.02
+    fence_shift: FrameShift = field(default_factory=FrameShift)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,14 +124,16 @@ def step(
     how = safety.drive(supervision, conditions)
     act_s = now_s + parameters.command_latency_s
     predicted = estimate.newest and predictor.predict(
-        estimate.newest, act_s, state.acceleration_ned_m_s2, state.sent, parameters=parameters.predictor
+        estimate.newest, act_s, state.acceleration_ned_m_s2, state.sent, parameters=parameters.estimator.predictor
     )
     state = _with_supervision(state, supervision, inputs.window, predicted, estimate.shift, act_s, parameters)
     state, setpoint, control = _command(state, how, estimate.newest, predicted, dt_s, parameters.control)
     sent = (
         ()
         if setpoint is None
-        else predictor.remembered(state.sent, now_s, setpoint.rates_frd_rad_s, parameters=parameters.predictor)
+        else predictor.remembered(
+            state.sent, now_s, setpoint.rates_frd_rad_s, parameters=parameters.estimator.predictor
+        )
     )
     state = replace(state, sent=sent)
     record = Record(
@@ -179,9 +185,18 @@ def _supervise(
         facts,
         inputs.request,
         now_s,
-        bounds=inputs.parameters.bounds,
+        bounds=_bounds(inputs.parameters, estimate.shift),
         timing=inputs.parameters.timing,
     )
+
+
+def _bounds(parameters: Parameters, shift: FrameShift) -> Bounds:
+    """The bounds with the fence where it is called now."""
+    if shift.count == parameters.fence_shift.count:
+        return parameters.bounds
+    fence = parameters.bounds.fence
+    dp = frames.subtract(shift.position_ned_m, parameters.fence_shift.position_ned_m)
+    return replace(parameters.bounds, fence=replace(fence, anchor_ned_m=frames.add(fence.anchor_ned_m, dp)))
 
 
 def _with_supervision(
@@ -205,7 +220,7 @@ def _with_supervision(
     if state.flown is None:
         if predicted is None:
             return state
-        state = replace(state, flown=_as_reference(predicted, act_s))
+        state = replace(state, flown=at_rest(predicted, act_s))
     flown = _sample(window, shift, act_s) if _covers(window, act_s) else None
     if flown is not None:
         return replace(state, flown=flown, braking=None)
@@ -290,7 +305,8 @@ def _shifted(r: Reference, dp: Vec3, dv: Vec3, dyaw: float, since_s: float) -> R
     )
 
 
-def _as_reference(state: EstimatedState, time_s: float) -> Reference:
+def at_rest(state: EstimatedState, time_s: float) -> Reference:
+    """The reference that a vehicle flies at a moment at which nobody gave it one: as it is, unaccelerated."""
     return Reference(
         time_s=time_s,
         position_ned_m=state.position_ned_m,

@@ -57,9 +57,6 @@ class Commander:
     @property
     def state(self) -> State:
         """The supervisor's state."""
-        return self._state()
-
-    def _state(self) -> State:
         record = self._record.value
         return record.supervision.state if record else State.DISCONNECTED
 
@@ -98,8 +95,7 @@ class Commander:
         await self._until(turn, lambda: self.state is State.TAKING_OFF, self._timeouts.mode_s, "taking off")
         limit_s = self._timeouts.takeoff_s + altitude_m / self._timeouts.climb_m_s
         await self._until(turn, lambda: self.state is not State.TAKING_OFF, limit_s, "in the air")
-        if self.state is not State.READY:
-            raise CommandRefusedError(f"take-off ended in state {self.state.value}: {self._reason()}")
+        self._require(State.READY, "take-off")
 
     async def engage(self) -> None:
         """Take the vehicle over from Hold; done when offboard is confirmed."""
@@ -200,6 +196,10 @@ class Commander:
         last = self._request.value
         self._request.set(VehicleRequest(1 if last is None else last.serial + 1, kind))
 
+    def _require(self, state: State, what: str) -> None:
+        if self.state is not state:
+            raise CommandRefusedError(f"{what} ended in state {self.state.value}: {self._reason()}")
+
     def _require_connected(self) -> None:
         if not self._autopilot.status.value.connected or self.state is State.DISCONNECTED:
             raise NotPossibleError("no autopilot is connected")
@@ -230,10 +230,15 @@ class Commander:
 
         await self._until(turn, settled, self._timeouts.mode_s, f"in mode {mode.value}")
 
+    async def wait_for(self, done: Callable[[], bool], limit_s: float, what: str) -> None:
+        """Wait for something that nobody supersedes. Raises ``CommandTimeoutError``."""
+        await self._wait(lambda: True, done, limit_s, what)
+
     async def _until(self, turn: int, done: Callable[[], bool], limit_s: float, what: str) -> None:
         await self._wait(lambda: self._turn == turn, done, limit_s, what)
 
     async def _wait(self, wanted: Callable[[], bool], done: Callable[[], bool], limit_s: float, what: str) -> None:
+        """Look every ``POLL_S``: what is waited for is several cells, each with its own writer."""
         loop = asyncio.get_running_loop()
         deadline_s = loop.time() + limit_s
         while not done():

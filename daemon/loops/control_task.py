@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from daemon import pipeline
 from daemon.autopilot.port import Autopilot
+from daemon.estimation.estimator import EstimatorState
 from daemon.latest import Latest
 from daemon.loops.grid import Grid
 from daemon.messages import ReferenceWindow, VehicleRequest
@@ -22,12 +23,13 @@ class ControlTask:
         autopilot: Autopilot,
         gate: SetpointGate,
         grid: Grid,
+        record: Latest[Record | None],
         window: Latest[ReferenceWindow | None],
         request: Latest[VehicleRequest | None],
         parameters: Latest[Parameters],
         clock_gap_s: float,
     ) -> None:
-        self.record: Latest[Record | None] = Latest(None)
+        self.record = record
         self.listeners: list[Callable[[Inputs, Record], None]] = []
         self.grid = grid
         self._autopilot = autopilot
@@ -37,6 +39,11 @@ class ControlTask:
         self._parameters = parameters
         self._clock_gap_s = clock_gap_s
         self._state = pipeline.initial(parameters.value)
+
+    @property
+    def estimator_state(self) -> EstimatorState:
+        """The estimator's memory, for its counters."""
+        return self._state.estimator
 
     async def run(self) -> None:
         """Tick until cancelled."""

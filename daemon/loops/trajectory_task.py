@@ -6,7 +6,7 @@ the reference that is being flown, so position, velocity and acceleration go on 
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import degrees
 from typing import Protocol
 
@@ -31,7 +31,7 @@ from daemon.messages import (
     ReferenceWindow,
     VehicleRequest,
 )
-from daemon.pipeline import Record
+from daemon.pipeline import Inputs, Record
 from daemon.safety.supervisor import FLYING, State
 
 WAITING = frozenset({State.READY, State.ENGAGING, State.PILOT, State.FAULT})
@@ -80,7 +80,6 @@ class _Active:
     within_since_s: float | None = None
     reached_s: float | None = None
     canceled: bool = False
-    shift: FrameShift = field(default_factory=FrameShift)
 
 
 class TrajectoryTask:
@@ -113,11 +112,17 @@ class TrajectoryTask:
         self._shift = FrameShift()
         self._failure: Exception | None = None
         self._woken = False
+        self._state: State | None = None
 
     @property
     def goal_id(self) -> str | None:
         """The active goal."""
         return self._active.order.goal_id if self._active else None
+
+    @property
+    def order(self) -> GoalOrder | None:
+        """The active goal's order."""
+        return self._active.order if self._active else None
 
     async def run(self) -> None:
         """Tick until cancelled."""
@@ -160,9 +165,10 @@ class TrajectoryTask:
             self._woken = True
             asyncio.get_running_loop().call_soon(self._on_wake)
 
-    def on_control_tick(self, record: Record, before: State | None) -> None:
-        """Called by whoever watches the control task: the vehicle changed hands, or the estimate jumped."""
-        if before is not record.supervision.state or record.estimate.reset is not None:
+    def on_control_tick(self, _inputs: Inputs, record: Record) -> None:
+        """A listener of the control task: act at once when the vehicle changed hands or the estimate jumped."""
+        if record.supervision.state is not self._state or record.estimate.reset is not None:
+            self._state = record.supervision.state
             self.wake()
 
     def _on_wake(self) -> None:

@@ -1,0 +1,137 @@
+"""The composition root: what ``flightd run`` starts, in the order in which it starts, and stops."""
+
+import asyncio
+import gc
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+from daemon import logs
+from daemon.autopilot.mavsdk_link import MavsdkLink
+from daemon.config import Config, ConfigError, load
+from daemon.flight_service import Service
+from daemon.goals.hub import Hub
+from daemon.goals.server import GoalServer
+from daemon.goals.sockets import Listener, Operators, SocketInUseError, activated, listen, server_path
+from daemon.loops.grid import live_alarm
+from daemon.loops.vehicle import Vehicle
+from daemon.notify import notify
+from daemon.parameters import dead_man_timing
+from daemon.realtime import apply as apply_realtime
+from daemon.safety.dead_man import DeadMan
+from daemon.telemetry import Telemetry
+
+EXIT_OK = 0
+EXIT_CONFIG = 2
+EXIT_IN_USE = 3
+EXIT_FAILED = 1
+
+log = logs.get("app")
+
+
+def run(config_files: list[Path], connection: str | None, socket: Path | None, **overrides: Any) -> int:
+    """Run the daemon until it is told to stop; returns the exit code (2: the configuration is bad)."""
+    if connection is not None:
+        overrides = {**overrides, "link": {**overrides.get("link", {}), "connection": connection}}
+    try:
+        config = load(config_files, overrides)
+    except ConfigError as error:
+        return _complain(error)
+    logs.configure(config.log.level)
+    return asyncio.run(_main(config, socket))
+
+
+def check_config(config_files: list[Path]) -> int:
+    """Check the configuration and say what is wrong with it; returns the exit code."""
+    try:
+        config = load(config_files)
+    except ConfigError as error:
+        return _complain(error)
+    print(f"configuration is good (hash {config.hash()})")  # noqa: T201 - the answer of a command
+    return EXIT_OK
+
+
+def _complain(error: ConfigError) -> int:
+    logs.configure("error")
+    for fault in error.faults:
+        logs.get("config").error("configuration_refused", fault=fault)
+    return EXIT_CONFIG
+
+
+async def _main(config: Config, socket: Path | None) -> int:
+    loop = asyncio.get_running_loop()
+    stop = _Stop(loop)
+    try:
+        listener = activated(os.environ) or await listen(server_path(socket, os.environ))
+    except (SocketInUseError, OSError) as error:
+        log.error("socket_unavailable", reason=str(error))
+        return EXIT_IN_USE
+    apply_realtime(config.loops)
+    link = MavsdkLink(config.link.connection, link_timeout_s=config.link.lost_s)
+    vehicle = Vehicle(config, link, lambda: live_alarm(loop))
+    dead_man = DeadMan(vehicle.gate, dead_man_timing(config), lambda event: log.error(event))
+    log.info("started", connection=config.link.connection, config_hash=config.hash(), pid=os.getpid())
+    try:
+        return await _fly(config, vehicle, dead_man, listener, stop)
+    finally:
+        listener.close()
+
+
+async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Listener, stop: "_Stop") -> int:
+    hub = Hub()
+    service = Service(vehicle, hub)
+    Telemetry(vehicle, service, hub)
+    server = GoalServer(
+        service, hub, Operators(uids=frozenset(config.goals.operator_uids), gids=frozenset(config.goals.operator_gids))
+    )
+    tasks = asyncio.ensure_future(vehicle.run())
+    dead_man.start()
+    await server.start(listener)
+    gc.collect()
+    gc.freeze()
+    notify("READY=1\nSTATUS=waiting for the autopilot")
+    failed = False
+    try:
+        await asyncio.wait({tasks, stop.asked}, return_when=asyncio.FIRST_COMPLETED)
+        failed = tasks.done()
+        if failed:
+            log.error("task_failed", exc_info=tasks.exception())
+            vehicle.gate.latch()
+        notify("STOPPING=1")
+        if not failed:
+            await _first_of(vehicle.release(), stop.asked_again)
+    finally:
+        log.info("stopping", state=vehicle.commander.state.value)
+        await _first_of(server.stop(), stop.asked_again)
+        dead_man.stop()
+        tasks.cancel()
+        await asyncio.gather(tasks, return_exceptions=True)
+        log.info("stopped")
+    return EXIT_FAILED if failed else EXIT_OK
+
+
+async def _first_of(work: Any, asked_again: "asyncio.Future[None]") -> None:
+    """Do the work, unless somebody is in a hurry."""
+    task = asyncio.ensure_future(work)
+    await asyncio.wait({task, asked_again}, return_when=asyncio.FIRST_COMPLETED)
+    if not task.done():
+        task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+
+
+class _Stop:
+    """SIGTERM and Ctrl-C: the first asks to stop, the second to hurry."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self.asked: asyncio.Future[None] = loop.create_future()
+        self.asked_again: asyncio.Future[None] = loop.create_future()
+        for number in (signal.SIGTERM, signal.SIGINT):
+            loop.add_signal_handler(number, self._on_signal, number)
+
+    def _on_signal(self, number: signal.Signals) -> None:
+        log.info("signal", name=signal.Signals(number).name)
+        for future in (self.asked, self.asked_again):
+            if not future.done():
+                future.set_result(None)
+                return

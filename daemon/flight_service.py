@@ -1,0 +1,337 @@
+"""What a client can ask for, done with the tasks: the daemon's side of the goal protocol."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from math import degrees, isfinite
+from typing import Any
+
+from daemon import config as configuration
+from daemon import orders, pipeline
+from daemon.autopilot.port import CommandRefusedError, CommandTimeoutError, NotConnectedError
+from daemon.estimation import estimator
+from daemon.goals import methods, results
+from daemon.goals.errors import ErrorCode, ProtocolError
+from daemon.goals.hub import Hub
+from daemon.goals.service import Caller, Identity
+from daemon.loops.commander import Commander, NotPossibleError
+from daemon.loops.goal_book import GoalEntry
+from daemon.loops.grid import GridReport
+from daemon.loops.trajectory_task import Progress
+from daemon.loops.vehicle import Vehicle
+from daemon.messages import LandedState
+from daemon.safety.reasons import REASONS
+from daemon.safety.supervisor import FLYING, State
+
+
+class Service:
+    """Implements ``FlightService``: reads the vehicle's parts, and changes them through their mailboxes only."""
+
+    def __init__(self, vehicle: Vehicle, hub: Hub) -> None:
+        self._vehicle = vehicle
+        self._hub = hub
+        self._started_s = asyncio.get_running_loop().time()
+        self._engaging: set[asyncio.Task[None]] = set()
+        vehicle.trajectory.listeners.append(self)
+
+    # -- what the trajectory task tells
+
+    def goal_progress(self, progress: Progress) -> None:
+        """See ``GoalListener``."""
+        self._hub.goal_feedback(
+            {
+                "goal_id": progress.goal_id,
+                "distance_m": round(progress.distance_m, 4),
+                "angle_deg": round(degrees(progress.angle_rad), 3),
+                "progress": round(progress.progress, 4),
+                "eta_s": round(max(0.0, progress.eta_s), 2) if isfinite(progress.eta_s) else None,
+            }
+        )
+
+    def goal_ended(self, entry: GoalEntry) -> None:
+        """See ``GoalListener``."""
+        self._hub.goal_result(_goal_record(entry))
+
+    # -- reading
+
+    def identity(self) -> Identity:
+        """See ``FlightService``."""
+        uptime_s = asyncio.get_running_loop().time() - self._started_s
+        return Identity(config_hash=self._vehicle.config.hash(), uptime_s=uptime_s)
+
+    async def status_get(self, params: methods.NoParams, caller: Caller) -> results.Status:
+        """See ``FlightService``."""
+        record = self._vehicle.control.record.value
+        state = record.supervision.state if record else State.DISCONNECTED
+        reason = record.supervision.reason if record else "start"
+        return {
+            "state": state.value,
+            "reasons": [{"code": reason, "text": REASONS.get(reason, reason.replace("_", " "))}],
+            "autopilot": self.autopilot_report(),
+            "vehicle": self.vehicle_report(),
+            "goal": self._goal_report(),
+            "loops": self.loop_reports(),
+            "counters": self.counters(),
+        }
+
+    def autopilot_report(self) -> results.AutopilotReport:
+        """What the autopilot says of itself."""
+        status = self._vehicle.autopilot.status.value
+        battery = status.battery_fraction
+        return {
+            "connected": status.connected,
+            "mode": status.mode.value,
+            "intended_mode": status.intended_mode.value,
+            "armed": status.armed,
+            "landed": status.landed.name.lower(),
+            "battery_pct": None if battery is None else round(100.0 * battery, 1),
+        }
+
+    def vehicle_report(self) -> results.VehicleReport | None:
+        """The estimate, or None."""
+        record = self._vehicle.control.record.value
+        if record is None or record.estimate.newest is None:
+            return None
+        newest = record.estimate.newest
+        variance = newest.position_variance_m2
+        return {
+            "position_ned_m": list(newest.position_ned_m),
+            "velocity_ned_m_s": list(newest.velocity_ned_m_s),
+            "attitude_wb": list(newest.attitude_wb),
+            "rates_frd_rad_s": list(newest.rates_frd_rad_s),
+            "age_s": round(asyncio.get_running_loop().time() - newest.time_s, 4),
+            "covariance_m2": variance if isfinite(variance) else None,
+        }
+
+    def loop_reports(self) -> results.LoopReports:
+        """Statistics of both tasks."""
+        return {
+            "control": _loop_report(self._vehicle.control.grid.statistics.report()),
+            "trajectory": _loop_report(self._vehicle.trajectory.grid.statistics.report()),
+        }
+
+    def counters(self) -> results.Counters:
+        """Resets and refused inputs."""
+        now_s = asyncio.get_running_loop().time()
+        record = self._vehicle.control.record.value
+        refused = estimator.refusals(
+            self._vehicle.control.estimator_state, now_s, parameters=self._vehicle.parameters.value.estimator
+        )
+        return {
+            "resets": record.estimate.shift.count if record else 0,
+            "refused": {name: round(count) for name, count in refused.items() if count >= 0.5},
+        }
+
+    async def goal_get(self, params: methods.GoalGet, caller: Caller) -> results.GoalRecord:
+        """See ``FlightService``."""
+        return _goal_record(self._entry(params.goal_id))
+
+    # -- the vehicle
+
+    async def vehicle_arm(self, params: methods.NoParams, caller: Caller) -> results.VehicleDone:
+        """See ``FlightService``."""
+        return await self._done(self._commander.arm)
+
+    async def vehicle_disarm(self, params: methods.NoParams, caller: Caller) -> results.VehicleDone:
+        """See ``FlightService``."""
+        return await self._done(self._commander.disarm)
+
+    async def vehicle_takeoff(self, params: methods.Takeoff, caller: Caller) -> results.VehicleDone:
+        """See ``FlightService``."""
+        ceiling_m = self._vehicle.config.safety.fence.ceiling_m
+        if params.altitude_m > ceiling_m:
+            reason = f"{params.altitude_m:g} m is above the fence's ceiling of {ceiling_m:g} m"
+            raise ProtocolError(ErrorCode.REFUSED, reason, "altitude_m")
+        return await self._done(lambda: self._commander.takeoff(params.altitude_m))
+
+    async def vehicle_engage(self, params: methods.NoParams, caller: Caller) -> results.VehicleDone:
+        """See ``FlightService``."""
+        return await self._done(self._commander.engage)
+
+    async def vehicle_hold(self, params: methods.NoParams, caller: Caller) -> results.VehicleDone:
+        """See ``FlightService``."""
+        return await self._done(self._commander.hold)
+
+    async def vehicle_land(self, params: methods.NoParams, caller: Caller) -> results.VehicleDone:
+        """See ``FlightService``."""
+        return await self._done(self._commander.land)
+
+    async def vehicle_return(self, params: methods.NoParams, caller: Caller) -> results.VehicleDone:
+        """See ``FlightService``."""
+        return await self._done(self._commander.return_home)
+
+    # -- goals
+
+    async def goal_submit(self, params: methods.GoalSubmit, caller: Caller, goal_id: str) -> results.GoalAccepted:
+        """See ``FlightService``."""
+        if self._vehicle.stopping:
+            raise ProtocolError(ErrorCode.WRONG_STATE, "the daemon is stopping")
+        engage = self._needs_engage()
+        order = orders.order(goal_id, params, self._place())
+        preempted = self._vehicle.trajectory.submit(order)
+        if engage:
+            task = asyncio.get_running_loop().create_task(self._engage_for(goal_id))
+            self._engaging.add(task)
+            task.add_done_callback(self._engaging.discard)
+        return {"goal_id": goal_id, "preempted": preempted}
+
+    async def goal_update(self, params: methods.GoalUpdate, caller: Caller) -> results.GoalRef:
+        """See ``FlightService``."""
+        active = self._vehicle.trajectory.order
+        if active is None or active.goal_id != params.goal_id:
+            self._entry(params.goal_id)
+            raise ProtocolError(ErrorCode.WRONG_STATE, f"goal {params.goal_id} is not active", "goal_id")
+        if active.kind != "waypoint":
+            raise ProtocolError(ErrorCode.WRONG_STATE, f"a {active.kind} cannot be moved", "goal_id")
+        self._vehicle.trajectory.update(orders.moved(active, params.waypoint, self._place()))
+        return {"goal_id": params.goal_id}
+
+    async def goal_cancel(self, params: methods.GoalCancel, caller: Caller) -> results.GoalRef:
+        """See ``FlightService``."""
+        active = self._vehicle.trajectory.goal_id
+        if params.goal_id is not None and params.goal_id != active:
+            self._entry(params.goal_id)
+            raise ProtocolError(ErrorCode.WRONG_STATE, f"goal {params.goal_id} is not active", "goal_id")
+        if active is None:
+            raise ProtocolError(ErrorCode.WRONG_STATE, "no goal is active")
+        self._vehicle.trajectory.cancel()
+        return {"goal_id": active}
+
+    def reference_set(self, params: methods.ReferenceSet, caller: Caller) -> None:
+        """See ``FlightService``."""
+        raise ProtocolError(ErrorCode.WRONG_STATE, "no stream goal is active", "goal_id")
+
+    def estimator_pose(self, params: methods.EstimatorPose, caller: Caller) -> None:
+        """See ``FlightService``."""
+        raise ProtocolError(ErrorCode.WRONG_STATE, "the estimator is not configured to take poses from outside")
+
+    # -- settings
+
+    async def config_get(self, params: methods.ConfigGet, caller: Caller) -> results.Setting:
+        """See ``FlightService``."""
+        return self._setting(params.path)
+
+    async def config_set(self, params: methods.ConfigSet, caller: Caller) -> results.Setting:
+        """See ``FlightService``."""
+        if not self._setting(params.path)["settable"]:
+            raise ProtocolError(ErrorCode.REFUSED, f"{params.path} cannot be changed while the daemon runs", "path")
+        try:
+            self._vehicle.set_config(configuration.with_value(self._vehicle.config, params.path, params.value))
+        except (configuration.ConfigError, ValueError) as error:
+            raise ProtocolError(ErrorCode.REFUSED, str(error), "value") from None
+        return self._setting(params.path)
+
+    # -- helpers
+
+    @property
+    def _commander(self) -> Commander:
+        return self._vehicle.commander
+
+    def _entry(self, goal_id: str) -> GoalEntry:
+        entry = self._vehicle.trajectory.book.find(goal_id)
+        if entry is None:
+            raise ProtocolError(ErrorCode.UNKNOWN_GOAL, f"no goal {goal_id!r} is known", "goal_id")
+        return entry
+
+    def _setting(self, path: str) -> results.Setting:
+        try:
+            described = configuration.describe(path)
+            value = configuration.value_at(self._vehicle.config, path)
+        except KeyError:
+            raise ProtocolError(ErrorCode.REFUSED, f"there is no setting {path!r}", "path") from None
+        return {"path": path, "value": value, **described}  # type: ignore[typeddict-item]
+
+    def _goal_report(self) -> results.GoalProgress | None:
+        progress = self._vehicle.trajectory.progress
+        if progress is None:
+            return None
+        return {
+            "goal_id": progress.goal_id,
+            "kind": progress.kind,
+            "distance_m": round(progress.distance_m, 4),
+            "angle_deg": round(degrees(progress.angle_rad), 3),
+            "progress": round(progress.progress, 4),
+            "eta_s": round(max(0.0, progress.eta_s), 2) if isfinite(progress.eta_s) else None,
+        }
+
+    async def _done(self, request: Callable[[], Awaitable[None]]) -> results.VehicleDone:
+        try:
+            await request()
+        except NotPossibleError as error:
+            raise ProtocolError(ErrorCode.WRONG_STATE, str(error)) from None
+        except CommandRefusedError as error:
+            raise ProtocolError(ErrorCode.AUTOPILOT_REFUSED, str(error)) from None
+        except CommandTimeoutError as error:
+            raise ProtocolError(ErrorCode.TIMED_OUT, str(error)) from None
+        except NotConnectedError:
+            raise ProtocolError(ErrorCode.WRONG_STATE, "no autopilot is connected") from None
+        status = self._vehicle.autopilot.status.value
+        return {
+            "state": self._commander.state.value,
+            "mode": status.mode.value,
+            "armed": status.armed,
+            "landed": LandedState(status.landed).name.lower(),
+        }
+
+    def _needs_engage(self) -> bool:
+        """Whether a goal has to take the vehicle first. Raises when it cannot be flown in this state."""
+        state = self._commander.state
+        if state in FLYING or state is State.ENGAGING:
+            return False
+        if state is State.READY and self._vehicle.config.goals.engage_on_submit:
+            try:
+                self._commander.require_engageable()
+            except NotPossibleError as error:
+                raise ProtocolError(ErrorCode.WRONG_STATE, str(error)) from None
+            return True
+        hint = {
+            State.DISCONNECTED: "no autopilot is connected",
+            State.STANDBY: "the vehicle is on the ground; take off first",
+            State.READY: "the vehicle is in Hold; engage it first",
+            State.PILOT: "somebody else has the vehicle; engage it first",
+            State.FAULT: "the daemon let the vehicle go; engage it first",
+        }.get(state, "wait until it is done")
+        raise ProtocolError(ErrorCode.WRONG_STATE, f"cannot fly a goal in state {state.value}: {hint}")
+
+    async def _engage_for(self, goal_id: str) -> None:
+        try:
+            await self._commander.engage_pending(lambda: self._vehicle.trajectory.goal_id is not None)
+        except (NotPossibleError, CommandRefusedError, CommandTimeoutError, NotConnectedError) as error:
+            active = self._vehicle.trajectory.goal_id
+            if active is not None:
+                self._vehicle.trajectory.abort(active, f"engage_refused: {error}")
+
+    def _place(self) -> orders.Place:
+        record = self._vehicle.control.record.value
+        if record is None or record.estimate.newest is None:
+            raise ProtocolError(ErrorCode.WRONG_STATE, "there is no estimate of where the vehicle is")
+        return orders.Place(
+            flown=record.reference or pipeline.at_rest(record.estimate.newest, record.now_s),
+            status=self._vehicle.autopilot.status.value,
+            fence=self._vehicle.parameters.value.bounds.fence,
+            max_distance_m=self._vehicle.config.guidance.max_distance_m,
+            limits=self._vehicle.parameters.value.limits,
+            parameters=self._vehicle.guidance,
+        )
+
+
+def _loop_report(report: GridReport) -> results.LoopReport:
+    return {
+        "rate_hz": round(report.rate_hz, 2),
+        "period_p99_ms": round(1e3 * report.period_p99_s, 3),
+        "late": report.late,
+        "missed": report.missed,
+    }
+
+
+def _goal_record(entry: GoalEntry) -> results.GoalRecord:
+    record: dict[str, Any] = {
+        "goal_id": entry.goal_id,
+        "state": "active" if entry.outcome is None else "done",
+        "outcome": entry.outcome,
+        "by": entry.by,
+        "reason": entry.reason,
+        "error_m": entry.error_m,
+        "error_deg": entry.error_deg,
+        "duration_s": entry.duration_s,
+    }
+    return record  # type: ignore[return-value]

@@ -1,0 +1,88 @@
+"""The tasks of one vehicle, wired together; the same live and in virtual time."""
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from dataclasses import replace
+
+from daemon.autopilot.port import Autopilot, CommandTimeoutError
+from daemon.config import Config
+from daemon.guidance.parameters import GuidanceParameters
+from daemon.latest import Latest
+from daemon.loops.commander import Commander, CommandTimeouts
+from daemon.loops.control_task import ControlTask
+from daemon.loops.grid import Alarm, Grid
+from daemon.loops.health_task import HealthTask
+from daemon.loops.trajectory_task import TrajectoryTask
+from daemon.messages import RequestKind, VehicleRequest
+from daemon.parameters import geofence, guidance_parameters, pipeline_parameters
+from daemon.pipeline import Parameters, Record
+from daemon.safety.dead_man import SetpointGate
+from daemon.safety.supervisor import OURS
+
+RELEASE_S = 1.2
+
+
+class Vehicle:
+    """Cells, tasks and the commander. ``alarm`` makes what wakes a grid: timerfd live, loop timer in virtual time."""
+
+    def __init__(self, config: Config, autopilot: Autopilot, alarm: Callable[[], Alarm]) -> None:
+        self.config = config
+        self.autopilot = autopilot
+        self.stopping = False
+        self.guidance: GuidanceParameters = guidance_parameters(config)
+        self.parameters: Latest[Parameters] = Latest(pipeline_parameters(config, geofence(config, (0.0, 0.0, 0.0))))
+        self.request: Latest[VehicleRequest | None] = Latest(None)
+        self.record: Latest[Record | None] = Latest(None)
+        self.gate = SetpointGate(autopilot)
+        control_grid = Grid(1.0 / config.loops.control_rate_hz, alarm())
+        trajectory_grid = Grid(1.0 / config.loops.trajectory_rate_hz, alarm())
+        self.trajectory = TrajectoryTask(
+            trajectory_grid,
+            self.record,
+            self.request,
+            autopilot.status,
+            lambda: self.parameters.value.limits,
+            lambda: self.guidance,
+            config.loops.window_s,
+        )
+        self.control = ControlTask(
+            autopilot,
+            self.gate,
+            control_grid,
+            self.record,
+            self.trajectory.window,
+            self.request,
+            self.parameters,
+            config.safety.clock_gap_s,
+        )
+        self.control.listeners.append(self.trajectory.on_control_tick)
+        self.commander = Commander(autopilot, self.gate, self.record, self.request, CommandTimeouts())
+        self.health = HealthTask(self, Grid(0.2, alarm()))
+
+    async def run(self) -> None:
+        """Run all tasks until cancelled; the first that fails ends all."""
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(self.autopilot.run())
+            tasks.create_task(self.control.run())
+            tasks.create_task(self.trajectory.run())
+            tasks.create_task(self.health.run())
+
+    def set_config(self, config: Config) -> None:
+        """Fly with other gains and limits from the next tick on. Raises ``ValueError`` and changes nothing."""
+        before = self.parameters.value
+        made = pipeline_parameters(config, before.bounds.fence, before.control.hover_thrust)
+        guidance = guidance_parameters(config)
+        self.parameters.set(replace(made, fence_shift=before.fence_shift))
+        self.guidance = guidance
+        self.config = config
+
+    async def release(self) -> None:
+        """Hand the vehicle over to Hold if it is ours, within ``RELEASE_S``; take no goals any more."""
+        self.stopping = True
+        if self.commander.state not in OURS:
+            return
+        last = self.request.value
+        self.request.set(VehicleRequest(1 if last is None else last.serial + 1, RequestKind.HOLD))
+        with contextlib.suppress(CommandTimeoutError):
+            await self.commander.wait_for(lambda: self.commander.state not in OURS, RELEASE_S, "released")

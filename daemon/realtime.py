@@ -1,0 +1,30 @@
+"""Real-time rights where they are permitted, and a plain warning where they are not."""
+
+import ctypes
+import os
+
+from daemon import logs
+from daemon.config import Loops
+
+_MCL_CURRENT_AND_FUTURE = 3
+
+log = logs.get("realtime")
+
+
+def apply(loops: Loops) -> None:
+    """CPU affinity, SCHED_FIFO and locked memory as configured."""
+    if loops.cpu_affinity:
+        try:
+            os.sched_setaffinity(0, loops.cpu_affinity)
+        except OSError as error:
+            log.warning("cpu_affinity_refused", cores=loops.cpu_affinity, reason=error.strerror)
+    if loops.realtime_priority:
+        try:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(loops.realtime_priority))
+        except OSError as error:
+            log.warning("realtime_refused", reason=error.strerror, advice="grant CAP_SYS_NICE or LimitRTPRIO")
+    if loops.lock_memory:
+        libc = ctypes.CDLL(None, use_errno=True)
+        if libc.mlockall(_MCL_CURRENT_AND_FUTURE) != 0:
+            reason = os.strerror(ctypes.get_errno())
+            log.warning("lock_memory_refused", reason=reason, advice="grant CAP_IPC_LOCK or LimitMEMLOCK")
