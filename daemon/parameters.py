@@ -5,7 +5,11 @@ from typing import Any
 
 from daemon.config import Config
 from daemon.control.parameters import AttitudeLaw, ControlParameters
-from daemon.estimation.estimator import configured
+from daemon.estimation.clock import ClockParameters
+from daemon.estimation.estimator import EstimatorParameters
+from daemon.estimation.predictor import PredictorParameters
+from daemon.estimation.quality import QualityParameters
+from daemon.estimation.reset_tracker import ResetParameters
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters, Profile
 from daemon.messages import Vec3
@@ -19,11 +23,15 @@ from daemon.safety.supervision import Timing
 def pipeline_parameters(config: Config, fence: Geofence, hover_thrust: float | None = None) -> Parameters:
     """Parameters of ``pipeline.step``; ``hover_thrust`` replaces the configured start value."""
     return Parameters(
-        estimator=configured(
-            telemetry_latency_s=config.estimator.telemetry_latency_s,
-            position_variance_max_m2=config.estimator.position_variance_max_m2,
-            reset_max_m=config.estimator.reset_max_m,
+        estimator=EstimatorParameters(
+            clock=ClockParameters(telemetry_latency_s=config.estimator.telemetry_latency_s),
+            reset=ResetParameters(
+                reset_max_m=config.estimator.reset_max_m,
+                variance_trusted_m2=config.estimator.position_variance_max_m2,
+            ),
+            quality=QualityParameters(variance_max_m2=config.estimator.position_variance_max_m2),
         ),
+        predictor=PredictorParameters(),
         control=control_parameters(config, hover_thrust),
         limits=motion_limits(config),
         bounds=Bounds(

@@ -12,7 +12,7 @@ from daemon.control.controller import ControlRecord, ControlState
 from daemon.control.parameters import ControlParameters
 from daemon.estimation import estimator, predictor
 from daemon.estimation.estimator import Estimate, EstimatorParameters, EstimatorState
-from daemon.estimation.predictor import SentRates
+from daemon.estimation.predictor import PredictorParameters, SentRates
 from daemon.guidance.brake import brake
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.plan import Plan
@@ -46,6 +46,7 @@ class Parameters:
     """
 
     estimator: EstimatorParameters
+    predictor: PredictorParameters
     control: ControlParameters
     limits: MotionLimits
     bounds: Bounds
@@ -124,16 +125,14 @@ def step(
     how = safety.drive(supervision, conditions)
     act_s = now_s + parameters.command_latency_s
     predicted = estimate.newest and predictor.predict(
-        estimate.newest, act_s, state.acceleration_ned_m_s2, state.sent, parameters=parameters.estimator.predictor
+        estimate.newest, act_s, state.acceleration_ned_m_s2, state.sent, parameters=parameters.predictor
     )
     state = _with_supervision(state, supervision, inputs.window, predicted, estimate.shift, act_s, parameters)
     state, setpoint, control = _command(state, how, estimate.newest, predicted, dt_s, parameters.control)
     sent = (
         ()
         if setpoint is None
-        else predictor.remembered(
-            state.sent, now_s, setpoint.rates_frd_rad_s, parameters=parameters.estimator.predictor
-        )
+        else predictor.remembered(state.sent, now_s, setpoint.rates_frd_rad_s, parameters=parameters.predictor)
     )
     state = replace(state, sent=sent)
     record = Record(

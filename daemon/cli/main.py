@@ -2,7 +2,7 @@
 
 import typer
 
-from daemon.cli import goals, vehicle
+from daemon.cli import daemon_commands, goals, vehicle
 
 app = typer.Typer(
     name="flightd",
@@ -12,6 +12,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
+daemon_commands.register(app)
 vehicle.register(app)
 goals.register(app)
 

@@ -1,0 +1,41 @@
+"""Commands that start the daemon or check its configuration."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+ConfigFiles = Annotated[
+    list[Path] | None, typer.Option("--config", help="YAML file over the defaults; may be given several times.")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command(name="run")(run)
+    app.command(name="check-config")(check_config)
+
+
+def run(
+    config: ConfigFiles = None,
+    connection: Annotated[
+        str | None, typer.Option(help="MAVSDK's URL of the autopilot, such as udpin://127.0.0.1:14540.")
+    ] = None,
+    socket: Annotated[Path | None, typer.Option(help="Path of the goal socket.")] = None,
+) -> None:
+    """Run the daemon until SIGTERM or Ctrl-C; it waits for an autopilot and takes goals on its socket.
+
+    Example: flightd run --config config/sitl.yaml
+    """
+    from daemon import app
+
+    raise typer.Exit(app.run(config or [], connection, socket))
+
+
+def check_config(
+    files: Annotated[list[Path] | None, typer.Argument(help="YAML files, stacked over the defaults.")] = None,
+) -> None:
+    """Check configuration files without starting anything; exit code 2 when they cannot be used."""
+    from daemon import app
+
+    raise typer.Exit(app.check_config(files or []))
