@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from daemon.goals import results
 from daemon.goals.schema import (
@@ -112,11 +112,30 @@ class ConfigGet(Params):
     path: Text
 
 
+def _kind_of_value(value: object) -> str | None:
+    kinds = {bool: "switch", int: "number", float: "number", str: "text", list: "list"}
+    return kinds.get(type(value))
+
+
+Value = Annotated[
+    Annotated[bool, Tag("switch")]
+    | Annotated[Number, Tag("number")]
+    | Annotated[Text, Tag("text")]
+    | Annotated[list[Number], Field(max_length=64), Tag("list")],
+    Discriminator(
+        _kind_of_value,
+        custom_error_type="shape",
+        custom_error_message="wrong type",
+        custom_error_context={"field": "", "reason": "must be a number, true or false, a string or a list of numbers"},
+    ),
+]
+
+
 class ConfigSet(Params):
     """Change the setting at a dotted path, in flight, until the daemon restarts."""
 
     path: Text
-    value: bool | Number | Text | Annotated[list[Number], Field(max_length=64)]
+    value: Value
 
 
 class ReferenceSet(Params):

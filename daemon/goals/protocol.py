@@ -185,6 +185,12 @@ _BOUNDS = {
     "less_than": ("lt", "less than"),
     "less_than_equal": ("le", "at most"),
 }
+_LENGTHS = {
+    "too_short": ("min_length", "at least"),
+    "too_long": ("max_length", "at most"),
+    "string_too_short": ("min_length", "at least"),
+    "string_too_long": ("max_length", "at most"),
+}
 
 
 def _explain(item: dict[str, Any], params: dict[str, Any]) -> ProtocolError:
@@ -193,7 +199,7 @@ def _explain(item: dict[str, Any], params: dict[str, Any]) -> ProtocolError:
     field = _path(item["loc"], params, kind)
     if kind in ("refused", "shape"):
         code = ErrorCode.REFUSED if kind == "refused" else ErrorCode.INVALID_PARAMS
-        return ProtocolError(code, context["reason"], f"{field}.{context['field']}".lstrip("."))
+        return ProtocolError(code, context["reason"], f"{field}.{context['field']}".strip("."))
     if kind in _BOUNDS:
         key, words = _BOUNDS[kind]
         return ProtocolError(ErrorCode.REFUSED, f"must be {words} {context[key]:g}, not {value:g}", field)
@@ -202,6 +208,10 @@ def _explain(item: dict[str, Any], params: dict[str, Any]) -> ProtocolError:
     if kind in ("literal_error", "union_tag_invalid"):
         expected = context.get("expected") or context.get("expected_tags")
         reason = f"must be {expected}".replace("'", '"')
+    elif kind in _LENGTHS:
+        key, words = _LENGTHS[kind]
+        unit = "characters" if isinstance(value, str) else "items"
+        reason = f"must have {words} {context[key]} {unit}, not {len(value)}"
     elif kind in _WANTED:
         reason = f"must be {_WANTED[kind]}, not {_kind(value)}"
     else:

@@ -1,4 +1,5 @@
 import json
+from itertools import pairwise
 
 import pytest
 from hypothesis import given, settings
@@ -37,6 +38,7 @@ def waypoint(**keys):
 
 
 CIRCLE = {"kind": "circle", "center": [0, 0, -5], "radius_m": 3, "speed_m_s": 1}
+TO_NOWHERE = {"heading": {"point": [1, 2]}}
 
 
 @pytest.mark.parametrize(
@@ -48,7 +50,7 @@ CIRCLE = {"kind": "circle", "center": [0, 0, -5], "radius_m": 3, "speed_m_s": 1}
         (lambda: submit(stream={}, path={"waypoints": [{"position": [1, 2, 3]}]}), -32602, "stream", None),
         (lambda: submit(way={}), -32602, "way", "is not a known key"),
         (lambda: waypoint(position=[1, 2]), -32602, "waypoint.position[2]", "is missing"),
-        (lambda: waypoint(position=[1, 2, 3, 4]), -32602, "waypoint.position", None),
+        (lambda: waypoint(position=[1, 2, 3, 4]), -32602, "waypoint.position", "must have at most 3 items, not 4"),
         (lambda: waypoint(position=[1, "2", 3]), -32602, "waypoint.position[1]", "must be a number, not a string"),
         (lambda: waypoint(position=[1, True, 3]), -32602, "waypoint.position[1]", "must be a number, not true"),
         (lambda: waypoint(position=[1, None, 3]), -32602, "waypoint.position[1]", "must be a number, not null"),
@@ -84,6 +86,8 @@ CIRCLE = {"kind": "circle", "center": [0, 0, -5], "radius_m": 3, "speed_m_s": 1}
         (lambda: refusal_of("vehicle.land", {"now": True}), -32602, "now", "is not a known key"),
         (lambda: refusal_of("telemetry.subscribe", {"topics": ["smell"]}), -32602, "topics[0]", None),
         (lambda: refusal_of("telemetry.subscribe", {"topics": ["state"], "rate_hz": 51}), -32001, "rate_hz", None),
+        (lambda: refusal_of("config.set", {"path": "a", "value": {}}), -32602, "value", None),
+        (lambda: refusal_of("goal.get", {"goal_id": ""}), -32602, "goal_id", "must have at least 1 characters, not 0"),
         (lambda: refusal_of("goal.get", {"goal_id": 3}), -32602, "goal_id", "must be a string, not a number"),
         (lambda: refusal_of("status.get", [1]), -32602, "params", "must be an object, not a list"),
     ],
@@ -178,7 +182,7 @@ def test_lines_are_the_same_however_the_bytes_are_cut(data, cuts):
     expected = lines_of(whole)
     found = []
     edges = [0, *sorted(min(c, len(data)) for c in cuts), len(data)]
-    for begin, end in zip(edges, edges[1:], strict=False):
+    for begin, end in pairwise(edges):
         cut.feed(data[begin:end])
         found += lines_of(cut)
     assert found == expected == [line.strip() for line in data.split(b"\n")[:-1]]
