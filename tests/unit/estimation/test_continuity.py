@@ -1,0 +1,255 @@
+"""Resets, jumps and slides put into a flight on a circle at 5 m/s, whose path is known."""
+
+from dataclasses import replace
+from itertools import pairwise
+from math import radians
+
+import pytest
+
+from daemon import frames
+from daemon.estimation import estimator
+from daemon.estimation.estimator import EstimatorParameters
+from daemon.messages import ZERO3
+
+PARAMETERS = EstimatorParameters()
+BEGIN_S, SPACING_S = 10.0, 0.01
+
+
+def fly(messages):
+    state = estimator.initial(PARAMETERS)
+    estimates = []
+    for message in messages:
+        state, estimate = estimator.step(state, message, None, ZERO3, message.arrival_s, parameters=PARAMETERS)
+        estimates.append(estimate)
+    return estimates
+
+
+def moved(message, position=ZERO3, velocity=ZERO3, yaw_rad=0.0, steps=0):
+    return replace(
+        message,
+        position_m=frames.add(message.position_m, position),
+        velocity_m_s=frames.add(message.velocity_m_s, velocity),
+        attitude_wb=frames.multiply(frames.from_yaw(yaw_rad), message.attitude_wb),
+        reset_counter=(message.reset_counter + steps) % 256,
+    )
+
+
+@pytest.fixture
+def circle(circling):
+    """Two seconds of samples."""
+    return [circling(BEGIN_S + SPACING_S * i) for i in range(200)]
+
+
+def resets(estimates):
+    return [(i, estimate.reset) for i, estimate in enumerate(estimates) if estimate.reset]
+
+
+def events(estimates):
+    return [(i, event) for i, estimate in enumerate(estimates) for event in estimate.events]
+
+
+def test_flight_without_reset_shows_none(circle):
+    estimates = fly(circle)
+    assert not events(estimates)
+    assert not [e.refused for e in estimates if e.refused]
+
+
+@pytest.mark.parametrize(
+    ("jump", "kinds"),
+    [
+        ({"position": (3.0, 0.0, 0.0)}, {"position_ne"}),
+        ({"position": (0.0, 0.0, -2.0)}, {"position_d"}),
+        ({"velocity": (0.0, 1.0, 0.0)}, {"velocity_ne"}),
+        ({"velocity": (0.0, 0.0, 0.5)}, {"velocity_d"}),
+        ({"yaw_rad": radians(30)}, {"heading"}),
+        ({"yaw_rad": radians(-170)}, {"heading"}),
+        ({"position": (0.0, 11.0, 1.0), "velocity": (1.0, 0.0, 0.0)}, {"position_ne", "position_d", "velocity_ne"}),
+        (
+            {"position": (5.0, -4.0, 3.0), "velocity": (0.5, 0.5, -0.6), "yaw_rad": radians(20)},
+            {"position_ne", "position_d", "velocity_ne", "velocity_d", "heading"},
+        ),
+    ],
+)
+def test_each_kind_and_combination_is_told_by_its_deltas(circle, jump, kinds):
+    steps = len(kinds)
+    estimates = fly(circle[:100] + [moved(m, **jump, steps=steps) for m in circle[100:]])
+    ((index, reset),) = resets(estimates)
+    assert index == 100
+    assert reset.kinds == kinds
+    assert reset.position_ned_m == pytest.approx(jump.get("position", ZERO3), abs=0.02)
+    assert reset.velocity_ned_m_s == pytest.approx(jump.get("velocity", ZERO3), abs=0.07)
+    assert reset.yaw_rad == pytest.approx(jump.get("yaw_rad", 0.0), abs=0.01)
+    assert not reset.truth_returned
+    assert events(estimates)[0][1].cause == ""
+    assert estimates[100].newest.position_ned_m == pytest.approx(
+        frames.add(circle[100].position_m, jump.get("position", ZERO3))
+    )
+
+
+def test_the_counter_wraps(circle):
+    before = [replace(m, reset_counter=255) for m in circle[:100]]
+    after = [moved(replace(m, reset_counter=255), position=(3.0, 0.0, 0.0), steps=2) for m in circle[100:]]
+    assert after[0].reset_counter == 1
+    ((_, event),) = events(fly(before + after))
+    assert event.counter_steps == 2
+    assert event.cause == "steps_beyond_kinds"
+
+
+def test_more_kinds_than_steps_are_named(circle):
+    after = [moved(m, position=(3.0, 0.0, 2.0), velocity=(1.0, 0.0, 0.0), steps=1) for m in circle[100:]]
+    ((_, event),) = events(fly(circle[:100] + after))
+    assert event.cause == "kinds_beyond_steps"
+
+
+def test_a_counter_that_steps_without_a_jump_shifts_nothing(circle):
+    estimates = fly(circle[:100] + [moved(m, steps=2) for m in circle[100:]])
+    ((_, event),) = events(estimates)
+    assert (event.name, event.cause, event.reset) == ("reset", "none_seen", None)
+    assert estimates[-1].shift.count == 0
+
+
+@pytest.mark.parametrize("lost_samples", [5, 15, 30])
+def test_a_reset_in_a_gap_of_the_telemetry_is_measured(circle, lost_samples):
+    after = [moved(m, position=(11.0, 0.0, 0.0), steps=2) for m in circle[100 + lost_samples :]]
+    ((_, reset),) = resets(fly(circle[:100] + after))
+    gap_s = SPACING_S * (lost_samples + 1)
+    assert "position_ne" in reset.kinds
+    assert reset.position_ned_m == pytest.approx((11.0, 0.0, 0.0), abs=0.02 + 0.5 * 5.0 * gap_s**2)
+    assert not reset.truth_returned
+
+
+def test_a_reset_in_a_long_gap_is_the_return_of_the_truth(circle):
+    after = [moved(m, position=(3.0, 0.0, 0.0), steps=1) for m in circle[170:]]
+    ((_, event),) = events(fly(circle[:100] + after))
+    assert event.cause == "after_gap"
+    assert event.reset.truth_returned
+
+
+def test_a_long_gap_without_a_reset_is_only_told(circle):
+    estimates = fly(circle[:100] + circle[170:])
+    assert [event.name for _, event in events(estimates)] == ["regained"]
+    assert estimates[-1].shift.count == 0
+
+
+def test_two_resets_in_a_row_add_up(circle):
+    once = [moved(m, position=(3.0, 0.0, 0.0), steps=1) for m in circle[100:103]]
+    twice = [moved(m, position=(3.0, 2.0, 0.0), yaw_rad=0.5, steps=3) for m in circle[103:]]
+    estimates = fly(circle[:100] + once + twice)
+    assert [i for i, _ in resets(estimates)] == [100, 103]
+    shift = estimates[-1].shift
+    assert shift.count == 2
+    assert shift.position_ned_m == pytest.approx((3.0, 2.0, 0.0), abs=0.03)
+    assert shift.yaw_rad == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_jump_beyond_the_bound_or_after_a_lost_position_is_the_return_of_the_truth(circle):
+    far = [moved(m, position=(0.0, -25.0, 0.0), steps=1) for m in circle[100:]]
+    assert resets(fly(circle[:100] + far))[0][1].truth_returned
+    lost = [replace(m, position_variance_m2=(0.5, 0.1, 0.1)) for m in circle[:100]]
+    near = [moved(m, position=(0.0, -5.0, 0.0), steps=1) for m in circle[100:]]
+    assert resets(fly(lost + near))[0][1].truth_returned
+    turned = [moved(m, yaw_rad=0.5, steps=1) for m in circle[100:]]
+    assert not resets(fly(lost + turned))[0][1].truth_returned
+
+
+@pytest.mark.parametrize("jump", [{"position": (1.0, 0.0, 0.0)}, {"velocity": (0.0, 2.0, 0.0)}, {"yaw_rad": 0.3}])
+def test_a_single_outlier_is_refused_and_flown_over(circle, jump):
+    samples = list(circle)
+    samples[100] = moved(samples[100], **jump)
+    estimates = fly(samples)
+    assert estimates[100].refused == "jump_without_reset"
+    assert estimates[100].newest is estimates[99].newest
+    assert estimates[101].refused is None
+    assert not events(estimates)
+
+
+def test_outliers_that_disagree_are_all_refused(circle):
+    samples = [moved(m, position=(float(5 + i * i), 0.0, 0.0)) if i > 0 else m for i, m in enumerate(circle[:30])]
+    assert [e.refused for e in fly(samples)][1:] == ["jump_without_reset"] * 29
+
+
+@pytest.mark.parametrize("jump", [{"position": (2.0, 0.0, 0.0)}, {"velocity": (0.0, 1.5, 0.0)}, {"yaw_rad": 0.3}])
+def test_a_lasting_jump_without_a_counter_becomes_a_reset(circle, jump):
+    estimates = fly(circle[:100] + [moved(m, **jump) for m in circle[100:]])
+    assert [e.refused for e in estimates[100:103]] == ["jump_without_reset", "jump_without_reset", None]
+    ((index, event),) = events(estimates)
+    assert (index, event.name) == (102, "fast_slide")
+    assert event.reset.position_ned_m == pytest.approx(jump.get("position", ZERO3), abs=0.05)
+    assert event.reset.velocity_ned_m_s == pytest.approx(jump.get("velocity", ZERO3), abs=0.2)
+    assert event.reset.yaw_rad == pytest.approx(jump.get("yaw_rad", 0.0), abs=0.02)
+
+
+def test_a_counter_that_comes_after_its_jump_gives_one_reset(circle):
+    late = [moved(m, position=(3.0, 0.0, 0.0), steps=min(1, i)) for i, m in enumerate(circle[100:])]
+    estimates = fly(circle[:100] + late)
+    assert estimates[100].refused == "jump_without_reset"
+    assert [i for i, _ in resets(estimates)] == [101]
+
+
+def unexplained(estimates, samples):
+    """How far the published position jumps from tick to tick beyond the velocity, without what a reset explains."""
+    jumps = []
+    for before, after in pairwise(estimates):
+        dt = after.newest.time_s - before.newest.time_s
+        step = frames.subtract(after.newest.position_ned_m, before.newest.position_ned_m)
+        step = frames.subtract(step, frames.scale(before.newest.velocity_ned_m_s, dt))
+        if after.reset:
+            step = frames.subtract(step, after.reset.position_ned_m)
+        jumps.append(frames.norm(step))
+    return jumps
+
+
+def test_a_slow_slide_is_followed_at_a_bounded_rate(circle):
+    """The estimate creeps by 0.15 m in three samples: it comes through at 1.5 m/s, and all of it."""
+    after = [moved(m, position=(0.05 * min(i + 1, 3), 0.0, 0.0)) for i, m in enumerate(circle[100:])]
+    estimates = fly(circle[:100] + after)
+    assert not events(estimates)
+    assert max(unexplained(estimates, circle)) < PARAMETERS.slide.follow_m_s * SPACING_S + 0.002
+    assert estimates[-1].newest.position_ned_m == pytest.approx(after[-1].position_m)
+
+
+def test_a_slide_that_goes_on_is_a_reset(circle):
+    """0.1 m a sample, 10 m/s, for 0.3 s: below the gate, beyond what can be followed."""
+    after = [moved(m, position=(0.1 * min(i + 1, 30), 0.0, 0.0)) for i, m in enumerate(circle[100:])]
+    estimates = fly(circle[:100] + after)
+    names = [event.name for _, event in events(estimates)]
+    assert names
+    assert set(names) == {"fast_slide"}
+    assert max(unexplained(estimates, circle)) < PARAMETERS.slide.follow_m_s * SPACING_S + 0.002
+    assert estimates[-1].newest.position_ned_m == pytest.approx(after[-1].position_m)
+    assert 2.0 < estimates[-1].shift.position_ned_m[0] < 3.0
+
+
+def test_a_slide_too_quick_for_the_gate_is_coasted_over_and_taken_at_its_end(circle):
+    """0.3 m a sample for 0.1 s, as PX4 shows it after a short loss of GPS."""
+    after = [moved(m, position=(0.3 * min(i + 1, 10), 0.0, 0.0)) for i, m in enumerate(circle[100:])]
+    estimates = fly(circle[:100] + after)
+    ((index, event),) = events(estimates)
+    assert event.name == "fast_slide"
+    assert 110 <= index <= 113
+    assert event.reset.position_ned_m == pytest.approx((3.0, 0.0, 0.0), abs=0.1)
+
+
+def test_a_reboot_of_the_autopilot_ends_the_old_frame(circle):
+    rebooted = [
+        replace(
+            m,
+            stamp_us=m.stamp_us - 9_900_000,
+            position_m=ZERO3,
+            reset_counter=8,
+            velocity_m_s=ZERO3,
+            arrival_s=m.arrival_s + 2,
+        )
+        for m in circle[100:]
+    ]
+    estimates = fly(circle[:100] + rebooted)
+    assert [e.refused for e in estimates[100:102]] == ["stamp_backwards"] * 2
+    assert [event.name for _, event in events(estimates)] == ["autopilot_rebooted", "reset"]
+    assert resets(estimates)[0][1].truth_returned
+
+
+def test_a_step_of_the_autopilots_clock_is_no_reset(circle):
+    stepped = [replace(m, stamp_us=m.stamp_us + 60_000_000) for m in circle[100:]]
+    estimates = fly(circle[:100] + stepped)
+    assert [event.name for _, event in events(estimates)] == ["clock_stepped"]
+    assert estimates[-1].age_s < 0.02
