@@ -59,7 +59,9 @@ class ControlParameters:
     rate_feed_forward: bool = True  # body rates from the reference's jerk and yaw rate
     lag_compensation: bool = True  # lead of feed-forward rates and thrust by the vehicle's lags
 
-    # Disturbance and hover thrust
+    # Learned in flight
+    velocity_bias_bandwidth_rad_s: float = 4.0  # 0: off
+    velocity_bias_max_m_s: float = 1.0  # horizontal norm, and vertical
     disturbance_bandwidth_rad_s: float = 5.0  # 0: off
     disturbance_max_m_s2: float = 6.0  # horizontal norm, and vertical
     hover_time_constant_s: float = 3.0  # how fast a vertical disturbance becomes hover thrust; inf: never

@@ -2,7 +2,7 @@
 
 from math import isfinite
 
-from daemon.messages import EstimatedState, Quat, Reference, Vec3
+from daemon.messages import EstimatedState, Quat, Reference, Reset, Vec3
 
 BOUND = 1e6  # metres, m/s, m/s2, rad: beyond it a number is no state of a multirotor, and squares stay finite below it
 _NORM_SQUARED = (0.5, 1.5)  # of an attitude that is still a rotation
@@ -28,6 +28,11 @@ def sound_state(state: EstimatedState) -> bool:
         and _size(state.position_ned_m) + _size(state.velocity_ned_m_s) + _size(state.rates_frd_rad_s) < BOUND
         and _rotation(state.attitude_wb)
     )
+
+
+def sound_reset(reset: Reset) -> bool:
+    """True when all numbers of a jump are in range."""
+    return _size(reset.position_ned_m) + _size(reset.velocity_ned_m_s) + abs(reset.yaw_rad) < BOUND
 
 
 def sound_dt_s(dt_s: float) -> float:
