@@ -1,21 +1,25 @@
 """Time-optimal motion with bounded jerk (ruckig; Berscheid and Kröger 2021), as plans: to a goal, or to a hover.
 
 The horizontal axes are turned into the direction of travel. Ruckig bounds each axis by itself; when the start moves or
-accelerates sideways, along and across share the bound as 0.8 and 0.6, so that the length of the vector keeps it.
+accelerates sideways, along and across share the bound so that the length of the vector keeps it, and what comes out
+is checked. Now and then no sharing fits a start at its limits: then there is no such plan.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from math import atan2, hypot, inf
+from math import atan2, hypot, inf, sqrt
 
 import ruckig
 
-from daemon.frames import add, rotate_about_down, wrap_pi
+from daemon.frames import add, clamp, rotate_about_down, wrap_pi
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.plan import Plan
 from daemon.messages import ZERO3, Reference, Vec3
 
-_SIDEWAYS = 1e-6  # m/s and m/s^2 of the start across the direction of travel that need no share of the bounds
-_ALONG, _ACROSS = 0.8, 0.6
+_SIDEWAYS = 1e-7  # m/s and m/s^2 of the start across the direction of travel that count as none
+_ACROSS_SHARES = (0.6, 0.3, 0.85)  # of the bounds, tried in turn
+_CHECKS = 120  # instants, denser near the start, at which a motion that moves sideways is checked
+_PLANNED, _CHECKED = 0.998, 0.999  # of the bounds, when moving sideways: the check does not see between its instants
 _JERK_SPACING_S = 1e-4  # jerk is constant but for six instants: the difference over this time
 
 
@@ -78,24 +82,28 @@ def to_goal(start: Reference, position_ned_m: Vec3, yaw_rad: float, limits: Moti
     north = position_ned_m[0] - start.position_ned_m[0]
     east = position_ned_m[1] - start.position_ned_m[1]
     heading = atan2(east, north) if hypot(north, east) > 0.0 else _travel_heading(start)
-    wanted = _input(start, heading, limits)
     down = position_ned_m[2] - start.position_ned_m[2]
     turn = wrap_pi(yaw_rad - start.yaw_rad)
-    wanted.target_position = [hypot(north, east), 0.0, down, start.yaw_rad + turn]
-    wanted.synchronization = ruckig.Synchronization.Phase
-    wanted.per_dof_synchronization = [ruckig.Synchronization.Phase] * 3 + [ruckig.Synchronization.No]
-    motion = _solve(wanted, heading, start.position_ned_m)
-    return None if motion is None else JerkLimitedPlan(start.time_s, motion, limits, (position_ned_m, yaw_rad))
+    for wanted in _inputs(start, heading, limits):
+        wanted.target_position = [hypot(north, east), 0.0, down, start.yaw_rad + turn]
+        wanted.synchronization = ruckig.Synchronization.Phase
+        wanted.per_dof_synchronization = [ruckig.Synchronization.Phase] * 3 + [ruckig.Synchronization.No]
+        motion = _solve(wanted, heading, start, limits)
+        if motion is not None:
+            return JerkLimitedPlan(start.time_s, motion, limits, (position_ned_m, yaw_rad))
+    return None
 
 
 def to_hover(start: Reference, limits: MotionLimits) -> JerkLimitedPlan | None:
     """The quickest motion from a flown reference to rest, wherever that is; None if there is none."""
     heading = _travel_heading(start)
-    wanted = _input(start, heading, limits)
-    wanted.control_interface = ruckig.ControlInterface.Velocity
-    wanted.synchronization = ruckig.Synchronization.No
-    motion = _solve(wanted, heading, start.position_ned_m)
-    return None if motion is None else JerkLimitedPlan(start.time_s, motion, limits, None)
+    for wanted in _inputs(start, heading, limits):
+        wanted.control_interface = ruckig.ControlInterface.Velocity
+        wanted.synchronization = ruckig.Synchronization.No
+        motion = _solve(wanted, heading, start, limits)
+        if motion is not None:
+            return JerkLimitedPlan(start.time_s, motion, limits, None)
+    return None
 
 
 def _travel_heading(start: Reference) -> float:
@@ -106,30 +114,55 @@ def _travel_heading(start: Reference) -> float:
     return 0.0
 
 
-def _input(start: Reference, heading: float, limits: MotionLimits) -> ruckig.InputParameter:
-    """State of the start in the turned axes, and the bounds of each axis."""
+def _inputs(start: Reference, heading: float, limits: MotionLimits) -> Iterator[ruckig.InputParameter]:
+    """The start in the turned axes with bounds on each axis, in the order in which to try them."""
     velocity = rotate_about_down(start.velocity_ned_m_s, -heading)
     acceleration = rotate_about_down(start.acceleration_ned_m_s2, -heading)
-    straight = max(abs(velocity[1]), abs(acceleration[1])) < _SIDEWAYS
-    along, across = (1.0, 1.0) if straight else (_ALONG, _ACROSS)
+    if max(abs(velocity[1]), abs(acceleration[1])) < _SIDEWAYS:
+        # what is left across would be taken out with the whole jerk, on top of the one along
+        velocity, acceleration = (velocity[0], 0.0, velocity[2]), (acceleration[0], 0.0, acceleration[2])
+        yield _input(velocity, acceleration, start, limits, (0.0, 0.0, 0.0))
+        return
+    for share in _ACROSS_SHARES:
+        speed = _across_share(share, velocity[0] / limits.speed_m_s, velocity[1] / limits.speed_m_s)
+        limit = limits.acceleration_m_s2
+        yield _input(
+            velocity,
+            acceleration,
+            start,
+            limits,
+            (speed, _across_share(share, acceleration[0] / limit, acceleration[1] / limit), 0.6),
+        )
+
+
+def _across_share(wanted: float, along: float, across: float) -> float:
+    """The share across nearest to the wanted one that leaves room for the start on both axes."""
+    most = sqrt(max(0.0, 1.0 - along * along))
+    return clamp(wanted, min(abs(across), 0.95), max(most, 0.05))
+
+
+def _input(
+    velocity: Vec3, acceleration: Vec3, start: Reference, limits: MotionLimits, across: Vec3
+) -> ruckig.InputParameter:
+    """Ruckig's input; ``across`` are the shares of speed, acceleration and jerk, zero for a straight way."""
+    along = [sqrt(1.0 - share * share) for share in across]
+    sideways = [share if share > 0.0 else 1.0 for share in across]
+    planned = _PLANNED if any(across) else 1.0
+    speed, limit, jerk = planned * limits.speed_m_s, planned * limits.acceleration_m_s2, limits.jerk_m_s3
     found = ruckig.InputParameter(4)
     found.current_position = [0.0, 0.0, 0.0, start.yaw_rad]
     found.current_velocity = [*velocity, start.yaw_rate_rad_s]
     found.current_acceleration = [*acceleration, 0.0]
-    speed = limits.speed_m_s
-    found.max_velocity = [along * speed, across * speed, limits.descent_m_s, limits.yaw_rate_rad_s]
-    found.min_velocity = [-along * speed, -across * speed, -limits.climb_m_s, -limits.yaw_rate_rad_s]
-    found.max_acceleration = [
-        along * limits.acceleration_m_s2,
-        across * limits.acceleration_m_s2,
-        limits.vertical_acceleration_m_s2,
-        limits.yaw_acceleration_rad_s2,
-    ]
-    found.max_jerk = [along * limits.jerk_m_s3, across * limits.jerk_m_s3, limits.jerk_m_s3, inf]
+    found.max_velocity = [along[0] * speed, sideways[0] * speed, limits.descent_m_s, limits.yaw_rate_rad_s]
+    found.min_velocity = [-along[0] * speed, -sideways[0] * speed, -limits.climb_m_s, -limits.yaw_rate_rad_s]
+    vertical, yaw = limits.vertical_acceleration_m_s2, limits.yaw_acceleration_rad_s2
+    found.max_acceleration = [along[1] * limit, sideways[1] * limit, vertical, yaw]
+    found.max_jerk = [along[2] * jerk, sideways[2] * jerk, jerk, inf]
     return found
 
 
-def _solve(wanted: ruckig.InputParameter, heading: float, origin_ned_m: Vec3) -> _Motion | None:
+def _solve(wanted: ruckig.InputParameter, heading: float, start: Reference, limits: MotionLimits) -> _Motion | None:
+    """The motion, when there is one and the lengths of its horizontal vectors keep the limits or the start's."""
     trajectory = ruckig.Trajectory(4)
     try:
         result = ruckig.Ruckig(4).calculate(wanted, trajectory)
@@ -137,7 +170,17 @@ def _solve(wanted: ruckig.InputParameter, heading: float, origin_ned_m: Vec3) ->
         return None
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
         return None
-    return _Motion(trajectory=trajectory, heading_rad=heading, origin_ned_m=origin_ned_m)
+    if wanted.current_velocity[1] != 0.0 or wanted.current_acceleration[1] != 0.0:
+        (vx, vy, _), (ax, ay, _) = start.velocity_ned_m_s, start.acceleration_ned_m_s2
+        taken_back_s = 0.5 * hypot(ax, ay) / limits.jerk_m_s3
+        coming = hypot(vx + ax * taken_back_s, vy + ay * taken_back_s)
+        allowed_speed = max(_CHECKED * limits.speed_m_s, hypot(vx, vy), coming) + 1e-9
+        allowed = max(_CHECKED * limits.acceleration_m_s2, hypot(ax, ay)) + 1e-9
+        for i in range(_CHECKS):
+            _, v, a = trajectory.at_time((i / _CHECKS) ** 2 * trajectory.duration)
+            if hypot(v[0], v[1]) > allowed_speed or hypot(a[0], a[1]) > allowed:
+                return None
+    return _Motion(trajectory=trajectory, heading_rad=heading, origin_ned_m=start.position_ned_m)
 
 
 def _at(motion: _Motion, since_s: float, time_s: float, at_rest: bool = False) -> Reference:
