@@ -7,10 +7,11 @@ and the allowed range; a refused file changes nothing.
 import hashlib
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NoReturn
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic.fields import FieldInfo
 
 
 def _number(low: float, high: float, unit: str, settable: bool = False) -> Any:
@@ -23,7 +24,21 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
-Triple = Annotated[tuple[float, float, float], Field(strict=False)]
+Pair = Annotated[tuple[float, float], Field(strict=False)]
+
+
+def _triple(low: float, high: float, unit: str, settable: bool = False) -> Any:
+    """Three numbers, each within the range."""
+    number = Annotated[float, Field(ge=low, le=high)]
+    extra = {"unit": unit, "settable": settable, "low": low, "high": high}
+    return Annotated[tuple[number, number, number], Field(strict=False, json_schema_extra=extra)]
+
+
+PositionGain = _triple(0.0, 50.0, "1/s2", settable=True)
+VelocityGain = _triple(0.0, 30.0, "1/s", settable=True)
+TimeConstant = _triple(0.02, 5.0, "s", settable=True)
+RateLag = _triple(0.0, 2.0, "s")
+Drag = _triple(0.0, 5.0, "1/s", settable=True)
 
 
 class Link(Section):
@@ -61,7 +76,7 @@ class Limits(Section):
 class Guidance(Section):
     """How goals become references."""
 
-    profile: Literal["reference_filter", "jerk_limited"]
+    profile: Literal["reference_filter", "jerk_limited"] = Field(json_schema_extra={"settable": True})
     natural_frequency_rad_s: float = _number(0.1, 5.0, "rad/s", settable=True)
     damping: float = _number(0.3, 2.0, "-", settable=True)
     max_distance_m: float = _number(1.0, 100000.0, "m", settable=True)
@@ -71,17 +86,17 @@ class Guidance(Section):
 class Control(Section):
     """The control law."""
 
-    attitude_law: Literal["quaternion", "geometric", "jerk"]
-    position_gain_1_s2: Triple
-    velocity_gain_1_s: Triple
+    attitude_law: Literal["quaternion", "geometric", "jerk"] = Field(json_schema_extra={"settable": True})
+    position_gain_1_s2: PositionGain
+    velocity_gain_1_s: VelocityGain
     feedback_max_m_s2: float = _number(0.5, 30.0, "m/s2", settable=True)
     approach_max_m_s: float = _number(0.1, 30.0, "m/s", settable=True)
-    attitude_time_constant_s: Triple
+    attitude_time_constant_s: TimeConstant
     hover_thrust: float = _number(0.05, 0.95, "-")
     thrust_curve: float = _number(0.0, 1.0, "-")
     thrust_lag_s: float = _number(0.0, 0.5, "s")
-    rate_lag_s: Triple
-    drag_1_s: Triple
+    rate_lag_s: RateLag
+    drag_1_s: Drag
     rate_feed_forward: bool
     lag_compensation: bool
     disturbance_bandwidth_rad_s: float = _number(0.0, 20.0, "rad/s", settable=True)
@@ -108,7 +123,7 @@ class Fence(Section):
 
     anchor: Literal["home", "origin"]
     radius_m: float = _number(1.0, 100000.0, "m")
-    polygon_ne_m: Annotated[tuple[tuple[float, float], ...], Field(strict=False)] = ()
+    polygon_ne_m: Annotated[tuple[Pair, ...], Field(strict=False)] = ()
     floor_m: float = _number(-1000.0, 1000.0, "m")
     ceiling_m: float = _number(1.0, 10000.0, "m")
     hard_margin_m: float = _number(0.5, 1000.0, "m")
@@ -239,7 +254,7 @@ def _sentence(fault: Any) -> str:
     if kind == "missing":
         return f"{path}: is missing"
     if kind in ("greater_than_equal", "less_than_equal"):
-        low, high, unit = _range(path)
+        low, high, unit = _range(".".join(str(part) for part in fault["loc"] if not isinstance(part, int)))
         return f"{path}: {value!r} is not within {low:g} to {high:g} {unit}".rstrip()
     if kind == "value_error":
         return f"{path}: {context.get('error', fault['msg'])}"
@@ -260,25 +275,35 @@ def describe(path: str) -> dict[str, Any]:
     model: type[BaseModel] = Config
     *sections, key = path.split(".")
     for name in sections:
-        annotation = model.model_fields[name].annotation
-        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
-            raise KeyError(path)
-        model = annotation
+        model = _section(model.model_fields[name]) or _no_section(path)
     field = model.model_fields[key]
+    if _section(field) is not None:
+        raise KeyError(path)
     extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
     bounds = {name: getattr(m, name) for m in field.metadata for name in ("ge", "le") if hasattr(m, name)}
     return {
-        "min": bounds.get("ge"),
-        "max": bounds.get("le"),
+        "min": bounds.get("ge", extra.get("low")),
+        "max": bounds.get("le", extra.get("high")),
         "unit": extra.get("unit"),
         "settable": bool(extra.get("settable", False)),
     }
+
+
+def _section(field: FieldInfo) -> type[BaseModel] | None:
+    annotation = field.annotation
+    return annotation if isinstance(annotation, type) and issubclass(annotation, BaseModel) else None
+
+
+def _no_section(path: str) -> NoReturn:
+    raise KeyError(path)
 
 
 def value_at(config: Config, path: str) -> Any:
     """The value at a dotted path, as the files write it. Raises ``KeyError``."""
     value: Any = config.model_dump(mode="json")
     for key in path.split("."):
+        if not isinstance(value, dict):
+            raise KeyError(path)
         value = value[key]
     if isinstance(value, dict):
         raise KeyError(path)

@@ -88,6 +88,7 @@ class Conditions:
     takeoff_confirmed: bool = False
     release_confirmed: bool = False
     engage_over: bool = False
+    release_levels: bool = False
     release_over: bool = False
 
 

@@ -88,6 +88,8 @@ def drive(supervision: Supervision, conditions: Conditions) -> Drive:
         return Drive.SILENT
     if supervision.state is State.ENGAGING:
         return Drive.MATCH
+    if supervision.state is State.RELEASING and conditions.release_levels:
+        return Drive.LEVEL
     trusted = conditions.state_usable and not conditions.estimate_poor and not conditions.attitude_disagrees
     if trusted or (supervision.state in FLYING and conditions.state_usable):
         return Drive.LAW
@@ -107,7 +109,7 @@ def _with_requests(
     asked = supervision.asked_mode
     pending = asked is not None and now_s - supervision.asked_s <= timing.request_s
     confirmed = pending and status.mode is asked
-    release_s = 2.0 * timing.confirm_s + timing.level_s
+    asking_s = 2.0 * timing.confirm_s
     return replace(
         conditions,
         engage_asked=kind is RequestKind.ENGAGE,
@@ -117,7 +119,8 @@ def _with_requests(
         takeoff_confirmed=confirmed and asked is FlightMode.TAKEOFF and conditions.armed,
         release_confirmed=supervision.state is State.RELEASING and confirmed,
         engage_over=elapsed > timing.engage_s,
-        release_over=elapsed > release_s,
+        release_levels=elapsed > asking_s,
+        release_over=elapsed > asking_s + timing.level_s,
     )
 
 

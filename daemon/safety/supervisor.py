@@ -64,7 +64,7 @@ TABLE: tuple[Row, ...] = (
     Row(frozenset({_S.RELEASING}), ("release_over",), _S.FAULT, "release_failed"),
     # Engaging is bounded, and ends where it came from.
     Row(frozenset({_S.ENGAGING}), ("offboard", "state_usable"), _S.HOLDING, "engaged"),
-    Row(frozenset({_S.ENGAGING}), ("offboard",), _S.RELEASING, "estimate_lost"),
+    Row(frozenset({_S.ENGAGING}), ("offboard", "!state_usable"), _S.RELEASING, "estimate_lost"),
     Row(frozenset({_S.ENGAGING}), ("engage_over",), _S.READY, "engage_refused"),
     Row(frozenset({_S.ENGAGING}), ("!state_usable",), _S.READY, "estimate_lost"),
     Row(frozenset({_S.ENGAGING}), ("release_asked",), _S.RELEASING, "requested"),

@@ -1,0 +1,97 @@
+"""The grid: fixed phase, late ticks once, missed ticks counted, never a burst; in virtual time."""
+
+import asyncio
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from daemon.loops.grid import Grid, LoopAlarm, Statistics, TimerfdAlarm
+from daemon.sim.virtual_time import VirtualTimeLoop, run_virtual
+
+
+async def ticked(period_s: float, count: int, work: dict[int, float], slew_s: float = 0.0) -> tuple[list[float], Grid]:
+    """Times of the first ``count`` ticks; tick ``n`` takes ``work[n]`` seconds of the loop's time."""
+    loop = asyncio.get_running_loop()
+    assert isinstance(loop, VirtualTimeLoop)
+    times: list[float] = []
+    grid = Grid(period_s, LoopAlarm(loop))
+    done = asyncio.Event()
+
+    def tick(now_s: float, dt_s: float) -> None:
+        times.append(now_s)
+        loop._clock.now_ns += int(1e9 * work.get(len(times), 0.0))
+        grid.slew_s = slew_s
+        if len(times) >= count:
+            done.set()
+
+    task = asyncio.create_task(grid.run(tick))
+    await done.wait()
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    return times, grid
+
+
+def test_ticks_stay_on_the_grid() -> None:
+    times, grid = run_virtual(ticked(0.01, 500, {}))
+    assert times == pytest.approx([0.01 * (i + 1) for i in range(500)], abs=1e-6)
+    assert (grid.statistics.late, grid.statistics.missed) == (0, 0)
+
+
+def test_work_within_the_period_does_not_move_the_grid() -> None:
+    times, _ = run_virtual(ticked(0.01, 50, dict.fromkeys(range(1, 50), 0.004)))
+    assert times[-1] == pytest.approx(0.5, abs=1e-6)
+
+
+def test_a_stall_is_followed_by_one_late_tick_and_the_old_grid() -> None:
+    times, grid = run_virtual(ticked(0.01, 10, {3: 0.043}))
+    assert times == pytest.approx([0.01, 0.02, 0.03, 0.073, 0.08, 0.09, 0.10, 0.11, 0.12, 0.13], abs=1e-6)
+    assert (grid.statistics.late, grid.statistics.missed) == (1, 3)
+
+
+def test_the_phase_slews_by_at_most_a_hundredth_of_the_period_a_tick() -> None:
+    times, _ = run_virtual(ticked(0.01, 101, {}, slew_s=0.5))
+    periods = [b - a for a, b in pairwise(times)]
+    assert max(periods) <= 0.0101 + 1e-8
+    assert times[-1] - times[0] == pytest.approx(0.01 + 99 * 0.0101, abs=1e-5)
+
+
+def test_a_failing_tick_ends_the_grid_with_its_error() -> None:
+    async def main() -> None:
+        def tick(_now_s: float, _dt_s: float) -> None:
+            raise ZeroDivisionError
+
+        await Grid(0.01, LoopAlarm(asyncio.get_running_loop())).run(tick)
+
+    with pytest.raises(ZeroDivisionError):
+        run_virtual(main())
+
+
+def test_the_report_holds_the_percentiles_of_the_periods() -> None:
+    statistics = Statistics()
+    for i in range(100):
+        statistics.add(0.01 if i < 98 else 0.03, late=i >= 98, missed=i >= 98)
+    report = statistics.report()
+    assert report.period_p50_s == 0.01
+    assert report.period_p99_s == 0.03
+    assert (report.late, report.missed, report.ticks) == (2, 2, 100)
+    assert report.rate_hz == pytest.approx(100 / (98 * 0.01 + 2 * 0.03))
+
+
+async def test_the_timerfd_calls_back_after_its_time_and_not_before() -> None:
+    loop = asyncio.get_running_loop()
+    rung: asyncio.Future[float] = loop.create_future()
+    alarm = TimerfdAlarm(loop)
+    due_s = loop.time() + 0.02
+    alarm.set(due_s, lambda: rung.set_result(loop.time()))
+    assert await asyncio.wait_for(rung, 10.0) >= due_s
+    alarm.close()
+
+
+def test_a_closed_timerfd_leaves_no_descriptor() -> None:
+    loop = asyncio.new_event_loop()
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    alarm = TimerfdAlarm(loop)
+    alarm.close()
+    assert len(list(Path("/proc/self/fd").iterdir())) == before
+    loop.close()

@@ -1,0 +1,97 @@
+"""The dead-man: silence is levelled, then latched; a stalled machine is not blamed on the loop."""
+
+import threading
+
+from daemon.messages import FlightMode, Setpoint
+from daemon.safety.dead_man import Action, DeadMan, DeadManTiming, SetpointGate, Watch
+
+POLL_S = 0.02
+
+
+class Sender:
+    def __init__(self) -> None:
+        self.setpoints: list[Setpoint] = []
+        self.modes: list[FlightMode] = []
+        self.asked = threading.Event()
+
+    def send_setpoint(self, setpoint: Setpoint) -> bool:
+        self.setpoints.append(setpoint)
+        return True
+
+    def request_mode(self, mode: FlightMode) -> bool:
+        self.modes.append(mode)
+        self.asked.set()
+        return True
+
+
+def polled(watch: Watch, times_s: list[float], ticks: list[int], ours: bool = True) -> list[Action]:
+    return [watch.poll(t, n, ours) for t, n in zip(times_s, ticks, strict=True)]
+
+
+def test_silence_is_levelled_once_and_latched() -> None:
+    times = [i * POLL_S for i in range(40)]
+    actions = polled(Watch(DeadManTiming()), times, [7] * 40)
+    assert actions.count(Action.LEVEL) == 1
+    level, latch = actions.index(Action.LEVEL), actions.index(Action.LATCH)
+    assert 0.1 <= times[level] <= 0.1 + 2 * POLL_S
+    assert 0.3 <= times[latch] <= 0.3 + 2 * POLL_S
+
+
+def test_a_ticking_loop_is_left_alone() -> None:
+    times = [i * POLL_S for i in range(100)]
+    assert set(polled(Watch(DeadManTiming()), times, list(range(100)))) == {Action.NOTHING}
+
+
+def test_a_stall_of_the_whole_machine_is_not_blamed_on_the_loop() -> None:
+    watch = Watch(DeadManTiming())
+    polled(watch, [0.0, 0.02, 0.04], [1, 3, 5])
+    # Both stand still for 170 ms; the loop goes on a poll later.
+    assert polled(watch, [0.21, 0.23, 0.25], [5, 6, 8]) == [Action.NOTHING] * 3
+
+
+def test_a_gap_of_the_own_clock_latches_before_anything_is_sent() -> None:
+    watch = Watch(DeadManTiming())
+    polled(watch, [0.0, 0.02], [1, 3])
+    assert watch.poll(0.4, 4, True) is Action.LATCH
+
+
+def test_silence_while_the_vehicle_is_not_ours_is_nothing() -> None:
+    times = [i * POLL_S for i in range(100)]
+    assert set(polled(Watch(DeadManTiming()), times, [7] * 100, ours=False)) == {Action.NOTHING}
+
+
+def test_a_latched_gate_lets_nothing_out_until_it_is_opened() -> None:
+    sender = Sender()
+    gate = SetpointGate(sender)
+    setpoint = Setpoint((0.1, 0.2, 0.3), 0.5)
+    assert gate.tick(setpoint, 0.5)
+    gate.latch()
+    gate.latch()
+    assert not gate.tick(setpoint, 0.5)
+    gate.level_once()
+    assert sender.setpoints == [setpoint]
+    assert sender.modes == [FlightMode.HOLD]
+    gate.unlatch()
+    assert gate.tick(setpoint, 0.5)
+
+
+def test_the_level_setpoint_has_no_rates_and_the_hover_thrust_of_the_last_tick() -> None:
+    sender = Sender()
+    gate = SetpointGate(sender)
+    gate.tick(Setpoint((1.0, 1.0, 1.0), 0.9), 0.43)
+    gate.level_once()
+    assert sender.setpoints[-1].rates_frd_rad_s == (0.0, 0.0, 0.0)
+    assert sender.setpoints[-1].thrust == 0.43
+
+
+def test_the_thread_latches_a_loop_that_stands_still() -> None:
+    sender = Sender()
+    gate = SetpointGate(sender)
+    timing = DeadManTiming(level_after_s=0.02, latch_after_s=0.05, clock_gap_s=10.0, poll_s=0.005)
+    gate.tick(Setpoint((0.0, 0.0, 0.0), 0.5), 0.5)
+    dead_man = DeadMan(gate, timing)
+    dead_man.start()
+    assert sender.asked.wait(10.0)
+    dead_man.stop()
+    assert gate.latched
+    assert sender.modes == [FlightMode.HOLD]

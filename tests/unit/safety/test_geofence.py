@@ -1,0 +1,70 @@
+"""The geofence against shapely-free geometry: distances worked out by hand."""
+
+from math import hypot, inf, nan, sqrt
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from daemon.safety.geofence import Geofence, excess_m, violation
+
+CYLINDER = Geofence(anchor_ned_m=(10.0, 20.0, 1.0), radius_m=50.0, floor_m=0.5, ceiling_m=30.0)
+# An L: the notch north-east of (50, 50) is outside.
+L_SHAPE = Geofence(polygon_ne_m=((0, 0), (100, 0), (100, 50), (50, 50), (50, 100), (0, 100)), ceiling_m=30.0)
+coordinates = st.floats(-300.0, 300.0)
+
+
+@pytest.mark.parametrize(
+    ("position", "expected"),
+    [
+        ((10.0, 20.0, -4.0), -4.5),
+        ((70.0, 20.0, -4.0), 10.0),
+        ((10.0, -50.0, -4.0), 20.0),
+        ((10.0, 20.0, -34.0), 5.0),
+        ((10.0, 20.0, 1.0), 0.5),
+        ((nan, 20.0, -4.0), inf),
+        ((10.0, 20.0, nan), inf),
+    ],
+)
+def test_distance_outside_a_cylinder(position: tuple[float, float, float], expected: float) -> None:
+    assert excess_m(CYLINDER, position) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("n", "e", "expected"),
+    [(25, 25, -25), (75, 25, -25), (75, 75, 25), (-3, -4, 5), (120, 25, 20), (53, 54, 3), (60, 52, 2), (0, 50, 0)],
+)
+def test_distance_outside_a_polygon_with_a_notch(n: float, e: float, expected: float) -> None:
+    assert excess_m(L_SHAPE, (n, e, -30.0 + 1e-9)) == pytest.approx(max(expected, -1e-9), abs=1e-6)
+
+
+@given(coordinates, coordinates)
+def test_a_many_sided_polygon_is_nearly_its_circle(n: float, e: float) -> None:
+    from math import cos, pi, sin
+
+    corners = tuple((100.0 * cos(2 * pi * i / 720), 100.0 * sin(2 * pi * i / 720)) for i in range(720))
+    excess = excess_m(Geofence(polygon_ne_m=corners), (n, e, 0.0))
+    assert excess == pytest.approx(hypot(n, e) - 100.0, abs=2e-3)
+
+
+def test_reasons_name_the_axis_and_the_bound() -> None:
+    assert violation(CYLINDER, (10.0, 20.0, -250.0)) == (2, "-250 m is above the fence's ceiling of 30 m")
+    assert violation(CYLINDER, (10.0, 20.0, 0.9)) == (2, "0.9 m is below the fence's floor of 0.5 m")
+    axis, reason = violation(CYLINDER, (10.0, 120.0, -4.0)) or (None, "")
+    assert axis == 1
+    assert "100.0 m from the anchor is outside the fence's radius of 50 m" in reason
+    axis, reason = violation(L_SHAPE, (80.0, 60.0, -1.0)) or (None, "")
+    assert axis == 0
+    assert "10.0 m outside" in reason
+
+
+@given(coordinates, coordinates, coordinates)
+def test_violation_and_distance_agree(n: float, e: float, d: float) -> None:
+    for fence in (CYLINDER, L_SHAPE):
+        excess = excess_m(fence, (n, e, d))
+        if abs(excess) > 1e-9:
+            assert (violation(fence, (n, e, d)) is not None) == (excess > 0.0)
+
+
+def test_the_default_fence_is_no_fence() -> None:
+    assert violation(Geofence(), (1e6, sqrt(2) * 1e6, -1e6)) is None

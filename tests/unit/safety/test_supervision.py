@@ -1,0 +1,365 @@
+"""The supervisor as sentences: what it is told, what it does, and within which time."""
+
+from dataclasses import dataclass, field, replace
+
+import pytest
+
+from daemon.messages import (
+    AutopilotStatus,
+    EstimatedState,
+    FlightMode,
+    LandedState,
+    ModeRefusal,
+    RequestKind,
+    SystemStatus,
+    VehicleRequest,
+)
+from daemon.safety import supervision as safety
+from daemon.safety.conditions import Bounds, Conditions, Facts
+from daemon.safety.geofence import Geofence
+from daemon.safety.supervision import Drive, Supervision, Timing
+from daemon.safety.supervisor import OURS, TABLE, State, next_row, to_mermaid
+
+TICK_S = 0.01
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+ON_GROUND = AutopilotStatus(
+    connected=True,
+    mode=FlightMode.HOLD,
+    intended_mode=FlightMode.HOLD,
+    armed=False,
+    landed=LandedState.ON_GROUND,
+    system_status=SystemStatus.STANDBY,
+)
+IN_HOLD = replace(ON_GROUND, armed=True, landed=LandedState.IN_AIR, system_status=SystemStatus.ACTIVE)
+IN_OFFBOARD = replace(IN_HOLD, mode=FlightMode.OFFBOARD, intended_mode=FlightMode.OFFBOARD)
+
+
+def vehicle_at(position: tuple[float, float, float] = (0.0, 0.0, -5.0)) -> EstimatedState:
+    return EstimatedState(0.0, position, (0.0, 0.0, 0.0), LEVEL, (0.0, 0.0, 0.0), 0.04)
+
+
+@dataclass
+class Rig:
+    """Ticks the supervision at 100 Hz with facts that the test changes."""
+
+    facts: Facts = field(default_factory=lambda: Facts(ON_GROUND, vehicle_at(), 0.01, 0.04))
+    bounds: Bounds = field(default_factory=Bounds)
+    supervision: Supervision = field(default_factory=Supervision)
+    now_s: float = 0.0
+    request: VehicleRequest | None = None
+    asked: list[tuple[float, FlightMode]] = field(default_factory=list)
+    drive: Drive = Drive.SILENT
+
+    def tick(self, count: int = 1) -> State:
+        for _ in range(count):
+            self.now_s += TICK_S
+            self.supervision, conditions, modes = safety.step(
+                self.supervision, self.facts, self.request, self.now_s, bounds=self.bounds, timing=Timing()
+            )
+            self.asked += [(self.now_s, mode) for mode in modes]
+            self.drive = safety.drive(self.supervision, conditions)
+        return self.supervision.state
+
+    def set(self, **changes: object) -> "Rig":
+        self.facts = replace(self.facts, **changes)  # type: ignore[arg-type]
+        return self
+
+    def status(self, status: AutopilotStatus, **changes: object) -> "Rig":
+        return self.set(status=replace(status, **changes))  # type: ignore[arg-type]
+
+    def ask(self, kind: RequestKind) -> "Rig":
+        self.request = VehicleRequest(1 if self.request is None else self.request.serial + 1, kind)
+        return self
+
+
+def ready() -> Rig:
+    """In Hold that we asked for, after a take-off."""
+    rig = Rig()
+    assert rig.tick() is State.STANDBY
+    rig.ask(RequestKind.TAKEOFF).status(
+        IN_HOLD, mode=FlightMode.TAKEOFF, intended_mode=FlightMode.TAKEOFF, landed=LandedState.ON_GROUND
+    )
+    assert rig.tick(2) is State.TAKING_OFF
+    rig.status(IN_HOLD)
+    assert rig.tick() is State.READY
+    return rig
+
+
+def engaging() -> Rig:
+    rig = ready()
+    rig.ask(RequestKind.ENGAGE)
+    assert rig.tick() is State.ENGAGING
+    return rig
+
+
+def holding() -> Rig:
+    rig = engaging()
+    rig.tick(25)
+    rig.status(IN_OFFBOARD)
+    assert rig.tick() is State.HOLDING
+    rig.asked.clear()
+    return rig
+
+
+def tracking() -> Rig:
+    rig = holding().set(goal_active=True)
+    assert rig.tick() is State.TRACKING
+    return rig
+
+
+def releasing() -> Rig:
+    rig = tracking().ask(RequestKind.HOLD)
+    assert rig.tick() is State.RELEASING
+    return rig
+
+
+def test_a_vehicle_met_in_flight_belongs_to_the_pilot_and_nothing_is_asked() -> None:
+    rig = Rig().status(IN_HOLD)
+    assert rig.tick(100) is State.PILOT
+    assert rig.supervision.reason == "found_flying"
+    assert rig.asked == []
+    assert rig.drive is Drive.SILENT
+
+
+def test_engage_matches_for_two_tenths_before_it_asks_for_offboard() -> None:
+    rig = engaging()
+    since = rig.now_s
+    assert rig.drive is Drive.MATCH
+    rig.tick(40)
+    (when, mode), *more = rig.asked
+    assert mode is FlightMode.OFFBOARD
+    assert when - since == pytest.approx(0.2, abs=0.015)
+    assert more == []
+
+
+def test_a_refused_offboard_is_asked_again_until_two_seconds_then_hold_and_silence() -> None:
+    rig = engaging()
+    since = rig.now_s
+    for _ in range(220):
+        rig.tick()
+        if rig.asked and rig.asked[-1][1] is FlightMode.OFFBOARD:
+            rig.status(IN_HOLD, mode_refusal=ModeRefusal(FlightMode.OFFBOARD, "no", rig.now_s))
+        if rig.supervision.state is not State.ENGAGING:
+            break
+    assert rig.supervision.state is State.READY
+    assert rig.supervision.reason == "engage_refused"
+    assert rig.now_s - since == pytest.approx(2.0, abs=0.03)
+    modes = [mode for _, mode in rig.asked]
+    assert 5 <= modes.count(FlightMode.OFFBOARD) <= 10
+    assert modes[-1] is FlightMode.HOLD
+    assert rig.drive is Drive.SILENT
+
+
+def test_an_engage_that_is_not_possible_is_not_begun() -> None:
+    for changes in (
+        {"armed": False},
+        {"landed": LandedState.LANDING},
+        {"mode": FlightMode.RETURN, "intended_mode": FlightMode.RETURN},
+        {"mode": FlightMode.POSITION, "intended_mode": FlightMode.POSITION},
+        {"intended_mode": FlightMode.OFFBOARD},
+        {"system_status": SystemStatus.CRITICAL},
+    ):
+        rig = Rig().status(IN_HOLD)
+        rig.tick()
+        rig.status(IN_HOLD, **changes).ask(RequestKind.ENGAGE)
+        assert rig.tick(5) not in OURS, changes
+        rig.status(IN_HOLD)
+        assert rig.tick(5) not in OURS, "a request is taken at once or not at all"
+
+
+@pytest.mark.parametrize("mode", [m for m in FlightMode if m not in (FlightMode.OFFBOARD, FlightMode.UNKNOWN)])
+def test_a_mode_change_not_asked_for_silences_within_one_tick_and_asks_nothing(mode: FlightMode) -> None:
+    rig = tracking().status(IN_OFFBOARD, mode=mode, intended_mode=mode)
+    assert rig.tick() is State.PILOT
+    assert rig.supervision.left == "pilot_override"
+    assert rig.drive is Drive.SILENT
+    rig.tick(300)
+    assert rig.asked == []
+
+
+def test_a_failsafe_of_the_autopilot_silences_and_stays_silent_while_it_intends_offboard() -> None:
+    rig = tracking().status(IN_OFFBOARD, mode=FlightMode.RETURN, system_status=SystemStatus.CRITICAL)
+    assert rig.tick() is State.FAULT
+    assert rig.supervision.left == "autopilot_failsafe"
+    rig.status(IN_OFFBOARD)
+    rig.tick(500)
+    assert rig.supervision.state is State.FAULT
+    assert rig.drive is Drive.SILENT
+    assert rig.asked == []
+
+
+def test_a_failsafe_that_shows_only_in_the_intended_mode_is_one() -> None:
+    rig = tracking().status(IN_OFFBOARD, mode=FlightMode.RETURN)
+    assert rig.tick() is State.FAULT
+
+
+def test_disarming_or_the_kill_switch_silences_within_one_tick() -> None:
+    rig = tracking().status(IN_OFFBOARD, armed=False)
+    assert rig.tick() is State.STANDBY
+    assert rig.drive is Drive.SILENT
+    assert rig.asked == []
+
+
+def test_a_young_state_is_flown_an_older_one_levelled_a_lost_one_released() -> None:
+    rig = tracking()
+    rig.set(age_s=0.19).tick()
+    assert (rig.supervision.state, rig.drive) == (State.TRACKING, Drive.LAW)
+    rig.set(age_s=0.21).tick()
+    assert (rig.supervision.state, rig.drive) == (State.TRACKING, Drive.LEVEL)
+    rig.set(age_s=0.51).tick()
+    assert (rig.supervision.state, rig.drive) == (State.RELEASING, Drive.LEVEL)
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD]
+    assert rig.supervision.left == "estimate_lost"
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"position_variance_m2": 0.31}, "estimate_poor"),
+        ({"position_variance_m2": float("nan")}, "estimate_poor"),
+        ({"truth_returned": True}, "position_reset"),
+        ({"state": vehicle_at((0.0, 0.0, -130.0))}, "geofence"),
+        ({"state": replace(vehicle_at(), attitude_wb=(0.5, 0.866, 0.0, 0.0))}, "tilt_excess"),
+        ({"state": replace(vehicle_at(), velocity_ned_m_s=(21.0, 0.0, 0.0))}, "speed_excess"),
+        ({"disagreement_rad": 0.5}, "attitude_disagreement"),
+    ],
+)
+def test_what_cannot_be_flown_is_handed_over_to_hold(changes: dict[str, object], reason: str) -> None:
+    rig = tracking()
+    rig.bounds = Bounds(fence=Geofence(ceiling_m=120.0, hard_margin_m=5.0))
+    rig.set(**changes)
+    for _ in range(300):
+        if rig.tick() is State.RELEASING:
+            break
+    assert rig.supervision.left == reason
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD]
+
+
+def test_a_short_excess_of_tilt_is_not_handed_over() -> None:
+    rig = tracking().set(state=replace(vehicle_at(), attitude_wb=(0.5, 0.866, 0.0, 0.0)))
+    rig.tick(20)
+    rig.set(state=vehicle_at())
+    assert rig.tick(100) is State.TRACKING
+
+
+def test_release_ends_when_hold_is_confirmed() -> None:
+    rig = releasing()
+    assert rig.drive is Drive.LAW
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD]
+    rig.tick(5)
+    rig.status(IN_HOLD)
+    assert rig.tick() is State.READY
+    assert rig.drive is Drive.SILENT
+
+
+def test_hold_unconfirmed_becomes_land_then_level_then_silence_within_a_second() -> None:
+    rig = releasing()
+    since = rig.now_s
+    driven: list[Drive] = []
+    while rig.tick() is State.RELEASING:
+        driven.append(rig.drive)
+        assert rig.now_s - since < 1.0
+    assert rig.supervision.state is State.FAULT
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD, FlightMode.LAND]
+    assert rig.asked[1][0] - since == pytest.approx(0.3, abs=0.02)
+    assert rig.now_s - since <= 1.0
+    assert Drive.SILENT not in driven
+    assert driven[-10:] == [Drive.LEVEL] * 10, "the autopilot's failsafe has to start from level"
+    rig.tick(200)
+    assert rig.drive is Drive.SILENT
+
+
+def test_a_refused_hold_becomes_land_at_once() -> None:
+    rig = releasing()
+    rig.status(IN_OFFBOARD, mode_refusal=ModeRefusal(FlightMode.HOLD, "no position", rig.now_s))
+    rig.tick()
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD, FlightMode.LAND]
+    rig.status(IN_OFFBOARD, mode=FlightMode.LAND, intended_mode=FlightMode.LAND)
+    assert rig.tick() is State.LANDING
+
+
+def test_land_and_return_release_into_their_own_modes() -> None:
+    for kind, mode in ((RequestKind.LAND, FlightMode.LAND), (RequestKind.RETURN, FlightMode.RETURN)):
+        rig = tracking().ask(kind)
+        assert rig.tick() is State.RELEASING
+        assert [m for _, m in rig.asked] == [mode]
+        rig.status(IN_OFFBOARD, mode=mode, intended_mode=mode)
+        assert rig.tick() is State.LANDING
+
+
+def test_the_latch_silences_before_everything_and_only_engage_comes_back() -> None:
+    rig = tracking().set(latched=True)
+    assert rig.tick() is State.FAULT
+    assert rig.drive is Drive.SILENT
+    rig.set(latched=False).status(IN_HOLD)
+    assert rig.tick(50) is State.FAULT
+    rig.ask(RequestKind.ENGAGE)
+    assert rig.tick() is State.ENGAGING
+
+
+def test_a_lost_link_silences_asks_hold_once_and_the_vehicle_is_not_taken_back() -> None:
+    rig = tracking().status(IN_OFFBOARD, connected=False)
+    assert rig.tick() is State.DISCONNECTED
+    assert rig.drive is Drive.SILENT
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD]
+    rig.tick(100)
+    rig.status(IN_OFFBOARD)
+    assert rig.tick() is State.PILOT
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD] * 2, "the first may not have been heard"
+    rig.status(IN_HOLD)
+    assert rig.tick() is State.READY
+
+
+def test_a_rebooted_autopilot_is_met_anew() -> None:
+    rig = tracking().status(ON_GROUND, boot_count=1)
+    assert rig.tick() is State.STANDBY
+    assert rig.drive is Drive.SILENT
+
+
+def test_hold_can_be_asked_for_after_a_pilot_let_go() -> None:
+    rig = Rig().status(IN_HOLD)
+    rig.tick()
+    rig.ask(RequestKind.HOLD)
+    rig.tick()
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD]
+    assert rig.tick() is State.READY
+
+
+def test_landing_ends_disarmed_on_the_ground() -> None:
+    rig = ready().ask(RequestKind.LAND)
+    rig.tick()
+    rig.status(IN_HOLD, mode=FlightMode.LAND, intended_mode=FlightMode.LAND)
+    assert rig.tick() is State.LANDING
+    rig.status(ON_GROUND, mode=FlightMode.LAND, intended_mode=FlightMode.LAND)
+    assert rig.tick() is State.STANDBY
+
+
+def test_every_condition_of_the_table_exists_and_every_state_can_be_left_and_reached() -> None:
+    names = {name.removeprefix("!") for row in TABLE for name in row.when}
+    assert names <= set(Conditions.__dataclass_fields__)
+    assert {row.to for row in TABLE} == set(State)
+    assert {state for row in TABLE for state in row.states} == set(State)
+
+
+@pytest.mark.parametrize("index", range(len(TABLE)), ids=lambda i: f"{i}-{TABLE[i].reason}")
+def test_each_row_can_be_taken_and_needs_each_of_its_conditions(index: int) -> None:
+    row = TABLE[index]
+    wanted = {name.removeprefix("!"): not name.startswith("!") for name in row.when}
+    quiet = Conditions(link=True, armed=True, estimate_lost=False, state_usable=True, offboard=True)
+    for state in row.states:
+        for neutral in (quiet, replace(quiet, offboard=False, hold=True), replace(quiet, in_flight=True)):
+            neutral = replace(neutral, takeoff=state is State.TAKING_OFF, landing=state is State.LANDING)
+            if next_row(state, replace(neutral, **wanted)) is row:
+                break
+        else:
+            continue
+        break
+    else:
+        pytest.fail("no conditions lead to this row")
+    for name, value in wanted.items():
+        assert next_row(state, replace(neutral, **{**wanted, name: not value})) is not row, name
+
+
+def test_the_diagram_names_every_state() -> None:
+    text = to_mermaid()
+    assert all(state.value in text for state in State)

@@ -1,0 +1,114 @@
+"""Configuration: every bad key, type and range is refused with its path, its value and what is allowed."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from daemon import config as configuration
+from daemon.config import Config, ConfigError, describe, load, validated, value_at, with_value
+from daemon.parameters import geofence, guidance_parameters, pipeline_parameters
+
+ROOT = Path(__file__).parents[2]
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    file = tmp_path / "own.yaml"
+    file.write_text(text)
+    return file
+
+
+def leaves(values: dict[str, Any], path: str = "") -> list[str]:
+    found: list[str] = []
+    for key, value in values.items():
+        inner = f"{path}{key}"
+        found += leaves(value, f"{inner}.") if isinstance(value, dict) else [inner]
+    return found
+
+
+def test_the_default_file_holds_every_key_with_a_comment() -> None:
+    text = configuration.default_path().read_text()
+    assert sorted(leaves(yaml.safe_load(text))) == sorted(leaves(load([]).model_dump()))
+    for line in text.splitlines():
+        if ":" in line and not line.strip().startswith("#") and not line.rstrip().endswith(":"):
+            assert "#" in line, line
+
+
+@pytest.mark.parametrize("file", sorted((ROOT / "config").glob("*.yaml")), ids=lambda f: f.name)
+def test_each_shipped_file_is_good_and_gives_parameters(file: Path) -> None:
+    config = load([file])
+    parameters = pipeline_parameters(config, geofence(config, (0.0, 0.0, 0.0)))
+    assert parameters.control.hover_thrust == config.control.hover_thrust
+    assert guidance_parameters(config).profile.value == config.guidance.profile
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("guidance:\n  limits:\n    speed_m_s: 300\n", ["guidance.limits.speed_m_s", "300", "0.1 to 25 m/s"]),
+        ("gudance: 1\n", ["gudance", "no such key"]),
+        ("control:\n  kp: 1\n", ["control.kp", "no such key"]),
+        ("control:\n  hover_thrust: high\n", ["control.hover_thrust", "valid number", "'high'"]),
+        ("control:\n  hover_thrust: .nan\n", ["control.hover_thrust"]),
+        ("control:\n  position_gain_1_s2: [1, 2]\n", ["control.position_gain_1_s2"]),
+        ("control:\n  position_gain_1_s2: [1, 2, 99]\n", ["position_gain_1_s2", "99", "0 to 50 1/s2"]),
+        ("loops:\n  lock_memory: 1\n", ["loops.lock_memory", "boolean"]),
+        ("guidance:\n  profile: fastest\n", ["guidance.profile", "jerk_limited", "'fastest'"]),
+        ("safety:\n  coast_s: 0.5\n", ["safety", "coast_s 0.5 is not below lost_s 0.5"]),
+        ("safety:\n  fence:\n    floor_m: 200\n", ["safety.fence", "floor_m 200 is not below ceiling_m 120"]),
+        ("safety:\n  fence:\n    polygon_ne_m: [[0, 0], [1, 1]]\n", ["three corners"]),
+        ("- a\n", ["own.yaml", "sections"]),
+        ("a: [\n", ["own.yaml", "not YAML"]),
+    ],
+)
+def test_a_bad_file_is_refused_in_words(tmp_path: Path, text: str, words: list[str]) -> None:
+    with pytest.raises(ConfigError) as error:
+        load([written(tmp_path, text)])
+    for word in words:
+        assert word in str(error.value)
+
+
+def test_all_faults_are_told_at_once(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError) as error:
+        load([written(tmp_path, "loops:\n  control_rate_hz: 1\n  trajectory_rate_hz: 1000\n")])
+    assert len(error.value.faults) == 2
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"nowhere\.yaml"):
+        load([tmp_path / "nowhere.yaml"])
+
+
+def test_files_stack_and_the_last_wins(tmp_path: Path) -> None:
+    first = written(tmp_path, "guidance:\n  limits:\n    speed_m_s: 3\n    climb_m_s: 1\n")
+    second = tmp_path / "second.yaml"
+    second.write_text("guidance:\n  limits:\n    speed_m_s: 4\n")
+    polygon = {"safety": {"fence": {"polygon_ne_m": [[0, 0], [9, 0], [9, 9.5]]}}}
+    assert load([], polygon).safety.fence.polygon_ne_m[2] == (9.0, 9.5)
+    limits = load([first, second], {"log": {"level": "debug"}}).guidance.limits
+    assert (limits.speed_m_s, limits.climb_m_s, limits.jerk_m_s3) == (4.0, 1.0, 10.0)
+
+
+def test_the_hash_changes_with_a_value_and_only_then() -> None:
+    config = load([])
+    changed = with_value(config, "guidance.limits.speed_m_s", 4.5)
+    assert load([]).hash() == config.hash() != changed.hash()
+    assert value_at(changed, "guidance.limits.speed_m_s") == 4.5
+
+
+def test_a_setting_tells_its_range() -> None:
+    assert describe("guidance.limits.speed_m_s") == {"min": 0.1, "max": 25.0, "unit": "m/s", "settable": True}
+    for path in ("guidance.limits.speed", "guidance", "a.b", "guidance.limits.speed_m_s.x"):
+        with pytest.raises(KeyError):
+            value_at(load([]), path)
+        with pytest.raises(KeyError):
+            describe(path)
+
+
+def test_a_refused_value_changes_nothing() -> None:
+    config = load([])
+    with pytest.raises(ConfigError, match=r"within 0\.1 to 25 m/s"):
+        with_value(config, "guidance.limits.speed_m_s", -1.0)
+    assert validated(config.model_dump(mode="json")) == config
+    assert isinstance(config, Config)
