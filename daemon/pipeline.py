@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 
 from daemon import frames
 from daemon.control import controller
-from daemon.control.controller import ControlRecord, ControlState
+from daemon.control.controller import ControlState
+from daemon.control.law import ControlRecord
 from daemon.control.parameters import ControlParameters
 from daemon.estimation import estimator, predictor
 from daemon.estimation.estimator import Estimate, EstimatorParameters, EstimatorState

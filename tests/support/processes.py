@@ -1,0 +1,111 @@
+"""flightd's commands as child processes, on loopback ports and sockets of their own; always stopped."""
+
+import asyncio
+import contextlib
+import json
+import os
+import signal
+import socket
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from daemon.goals.client import FlightClient
+from daemon.goals.client_errors import FlightError
+
+START_S = 30.0
+STOP_S = 10.0
+FLIGHTD = (sys.executable, "-m", "daemon.cli.main")
+
+
+def free_udp_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        return int(sock.getsockname()[1])
+
+
+@dataclass
+class Child:
+    """A running command; its log lines are parsed JSON."""
+
+    process: asyncio.subprocess.Process
+    log_file: Path
+    socket: Path | None = None
+
+    def events(self) -> list[dict[str, Any]]:
+        lines = self.log_file.read_text().splitlines()
+        return [json.loads(line) for line in lines if line.startswith("{")]
+
+    def states(self) -> list[str]:
+        return [event["state"] for event in self.events() if event.get("event") == "state"]
+
+    async def stop(self, number: signal.Signals = signal.SIGTERM) -> int:
+        """Signal it and wait for its end; killed when it does not come to an end."""
+        if self.process.returncode is None:
+            self.process.send_signal(number)
+        try:
+            return await asyncio.wait_for(self.process.wait(), STOP_S)
+        except TimeoutError:
+            self.process.kill()
+            await self.process.wait()
+            raise
+
+
+async def start(tmp_path: Path, name: str, *args: str, environ: dict[str, str] | None = None) -> Child:
+    log_file = tmp_path / f"{name}.log"
+    with log_file.open("wb") as log:
+        process = await asyncio.create_subprocess_exec(
+            *FLIGHTD,
+            *args,
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+            env={**os.environ, **(environ or {})},
+        )
+    return Child(process, log_file)
+
+
+@asynccontextmanager
+async def running(child: Child) -> AsyncIterator[Child]:
+    try:
+        yield child
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            await child.stop()
+
+
+@asynccontextmanager
+async def daemon_on(tmp_path: Path, connection: str, *args: str) -> AsyncIterator[Child]:
+    """``flightd run`` with a socket of its own; waits until it answers."""
+    path = tmp_path / "flightd.sock"
+    child = await start(tmp_path, "flightd", "run", "--connection", connection, "--socket", str(path), *args)
+    child.socket = path
+    async with running(child):
+        await answers(child)
+        yield child
+
+
+async def answers(child: Child) -> None:
+    assert child.socket is not None
+    async with asyncio.timeout(START_S):
+        while True:
+            assert child.process.returncode is None, child.log_file.read_text()
+            try:
+                async with FlightClient(child.socket, reconnect_s=0.0) as flight:
+                    await flight.info()
+                    return
+            except (FlightError, OSError):
+                await asyncio.sleep(0.05)
+
+
+async def until(flight: FlightClient, done: Any, limit_s: float = START_S) -> dict[str, Any]:
+    """The first status for which ``done`` holds."""
+    async with asyncio.timeout(limit_s):
+        while True:
+            status: dict[str, Any] = dict(await flight.status())
+            if done(status):
+                return status
+            await asyncio.sleep(0.05)
