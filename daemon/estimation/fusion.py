@@ -32,8 +32,8 @@ _LIMITS = (15.0, 15.0, 15.0, 1.0, 1.0, 1.0)  # m/s2: beyond what a multirotor of
 def flight_filter(predictor: Predictor = ekf.predict) -> FilterParameters:
     """The filter for a multirotor at 100 Hz, by either predictor.
 
-    Process noise: the autopilot's velocity is off by 0.2 m/s for seconds (so the position has to follow the odometry's),
-    the command misses the true acceleration by 1 m/s2 for 0.3 s, rates answer a command within 50 ms.
+    Process noise: the autopilot's velocity is off by 0.2 m/s for seconds, so the position has to follow the odometry's;
+    the command misses the true acceleration by 1 m/s2 for 0.3 s; rates answer a command within 50 ms.
     """
     return FilterParameters(
         predictor=predictor,

@@ -102,6 +102,12 @@ def test_bad_numbers_leave_it_finite(bad):
     assert np.isfinite((*state.filter.attitude_wb, state.disagreement_rad, state.force_m_s2)).all()
 
 
+@pytest.mark.parametrize("attitude", [(0.0,) * 4, (float("nan"),) * 4, (1e300,) * 4, None])
+def test_it_does_not_start_from_an_attitude_that_is_none(attitude):
+    state = CrossCheckState()
+    assert step(state, imu(0), attitude, parameters=PARAMETERS) is state
+
+
 def test_tilt_between_as_scipy_says():
     rng = np.random.default_rng(1)
     for _ in range(50):
