@@ -1,0 +1,313 @@
+"""A simulated PX4 quadrotor without a transport: steps of 4 ms in, MAVLink messages in and out.
+
+Behaviour follows recordings of PX4 1.17 SITL (see docs/simulator.md for what was compared and what is not modelled).
+"""
+
+import struct
+from collections import deque
+from math import isfinite
+
+from daemon.messages import ZERO3, FlightMode, GlobalPosition, Setpoint, Vec3
+from daemon.sim import telemetry
+from daemon.sim.airframe import Airframe
+from daemon.sim.announcer import Announcer
+from daemon.sim.battery import BatteryState
+from daemon.sim.commander import Commander
+from daemon.sim.estimator import BOOT_RESETS, Estimator
+from daemon.sim.flight_tasks import FlightTasks
+from daemon.sim.noise import normals
+from daemon.sim.parameters import Parameters
+from daemon.sim.rate_control import RateLoop
+from daemon.sim.receiver import Receiver
+from daemon.sim.sensors import Sensors, global_of
+from daemon.sim.streams import Streams
+from daemon.sim.telemetry import Fields, Sample
+from daemon.sim.vehicle import Surroundings, VehicleState, step
+from daemon.sim.wind import Wind
+
+STEP_US = 4000
+STEP_S = 0.004
+DEFAULT_HOME = GlobalPosition(47.397742, 8.545594, 489.4)
+_COMMANDER_US = 10_000
+_ESTIMATOR_STEPS = 2
+_ODOMETRY_AGE_US = 12_000  # an estimate has made its way to the sender after this
+_ATTITUDE_AGE_US = 8_000
+_STATUS_STEPS = 125  # vehicle_status is published at 2 Hz and on every change
+_HEADING_STABLE_S = 2.0  # after boot
+_ARMABLE_S = 5.0
+_SILENT_AFTER_BOOT_S = 1.5
+_STAYS_DOWN = frozenset((FlightMode.HOLD, FlightMode.LAND, FlightMode.RETURN, FlightMode.UNKNOWN))
+_FAST = frozenset(("ATTITUDE", "ATTITUDE_QUATERNION", "HIGHRES_IMU"))
+
+
+class SimulatedPx4:
+    """One vehicle. Deterministic: the same seed, messages and faults give the same messages.
+
+    ``booted_for_s``: how long it has been running when the simulation begins (armable after 5 s).
+    ``truth`` is the physics' state; ``mode``, ``armed`` and so on are read from ``commander``.
+    """
+
+    def __init__(
+        self,
+        *,
+        airframe: Airframe,
+        seed: int = 0,
+        system_id: int = 1,
+        noise: bool = True,
+        home: GlobalPosition = DEFAULT_HOME,
+        booted_for_s: float = 15.0,
+        parameters: dict[str, float | int] | None = None,
+    ) -> None:
+        self.airframe = airframe
+        self.system_id = system_id
+        self.home = home
+        self.parameters = Parameters(
+            {
+                "MAV_SYS_ID": system_id,
+                "MPC_THR_HOVER": round(airframe.hover_thrust, 1),
+                "THR_MDL_FAC": airframe.thrust_curve,
+            }
+            | (parameters or {})
+        )
+        draw = normals(seed)
+        self._noise = noise
+        self._draw = draw
+        self.sensors = Sensors(draw, noise=noise)
+        self.truth = VehicleState(signals=tuple(0.0 for _ in airframe.rotors))
+        self.wind = Wind(normals(seed + 1))
+        self.payload_kg = 0.0
+        self.rotor_efficiency = tuple(1.0 for _ in airframe.rotors)
+        self.battery = BatteryState(airframe.battery)
+        self.simulated_us = 0
+        self._outgoing: list[tuple[str, Fields]] = []
+        self.clock_offset_us = 0
+        self._boot(round(booted_for_s * 1e6))
+
+    # -- the interface of the transports
+
+    @property
+    def time_us(self) -> int:
+        """The autopilot's clock since boot, microseconds."""
+        return self.simulated_us - self._booted_us + self.clock_offset_us
+
+    @property
+    def mode(self) -> FlightMode:
+        """The mode that flies."""
+        return self.commander.mode
+
+    @property
+    def armed(self) -> bool:
+        """Whether the motors are allowed to turn."""
+        return self.commander.armed
+
+    def receive(self, name: str, fields: Fields, *, sender_system: int = 1, sender_component: int = 195) -> None:
+        """A decoded MAVLink message arrives."""
+        self.receiver.receive(name, fields, (sender_system, sender_component))
+
+    def take_outgoing(self) -> list[tuple[str, Fields]]:
+        """What was sent since the last call, oldest first."""
+        taken, self._outgoing = self._outgoing, []
+        return taken
+
+    def step(self) -> None:
+        """Advance by 4 ms: physics, sensors, controllers, commander, streams."""
+        self.simulated_us += STEP_US
+        self._steps += 1
+        self._fly()
+        if self._steps % _ESTIMATOR_STEPS == 0:
+            self._estimate()
+        if self.simulated_us >= self._next_commander_us:
+            self._next_commander_us += _COMMANDER_US
+            self._command()
+        self.receiver.echo_parameters()
+        if self.uptime_s > self._silent_until_s:
+            self._stream()
+        if self.reboot_soon:
+            self.reboot()
+
+    # -- what the parts see of the vehicle
+
+    @property
+    def uptime_s(self) -> float:
+        """Seconds since boot, whatever the clock says."""
+        return (self.simulated_us - self._booted_us) * 1e-6
+
+    @property
+    def heading_stable(self) -> bool:
+        """Whether the estimator has found its heading since boot."""
+        return self.uptime_s > _HEADING_STABLE_S
+
+    @property
+    def position_valid(self) -> bool:
+        """Whether PX4's checks take the position as usable."""
+        return self.estimator.position_valid and self.uptime_s > _ARMABLE_S
+
+    @property
+    def height_m(self) -> float:
+        """True height above ground."""
+        return -self.truth.position_ned_m[2]
+
+    @property
+    def height_variance_m2(self) -> float:
+        """Claimed variance of the local z."""
+        return 0.0018 + 0.3 * self.estimator.lost_s * 1e-3
+
+    @property
+    def attitude_setpoint_ms(self) -> int:
+        """ATTITUDE_TARGET's stamp: that of the last attitude setpoint, which rate offboard does not publish."""
+        return self._attitude_setpoint_ms
+
+    def send(self, name: str, fields: Fields) -> None:
+        """Queue a message to the link."""
+        self._outgoing.append((name, fields))
+
+    def reboot(self) -> None:
+        """Start anew: clock at zero, disarmed, streams and estimator as after power-up."""
+        self._boot(0)
+        self._silent_until_s = _SILENT_AFTER_BOOT_S
+
+    # -- parts
+
+    def _boot(self, already_us: int) -> None:
+        self._booted_us = self.simulated_us - already_us
+        self._steps = 0
+        self._silent_until_s = 0.0
+        self.reboot_soon = False
+        self._next_commander_us = self.simulated_us
+        self.announcer = Announcer(self.send)
+        self.commander = Commander(self.parameters, self.announcer, self.send)
+        self.commander.detector.patience_s = 2.5 if not self._noise else 2.5 + abs(next(self._draw)) * 2.5
+        self.receiver = Receiver(self)
+        self.streams = Streams()
+        self.estimator = Estimator(self._draw, noise=self._noise)
+        self.tasks = FlightTasks(self.parameters)
+        self.rate_loop = RateLoop(self.airframe, self.parameters["THR_MDL_FAC"])
+        self.setpoint = Setpoint(ZERO3, 0.0)
+        self.signals = self.rate_loop.stop()
+        self._attitude_setpoint_ms = 0
+        self._flown_mode: FlightMode | None = None
+        self._history: deque[Sample] = deque(maxlen=8)
+        self.home_local_m: Vec3 = ZERO3
+        self.home_global = self.home
+        self.estimator.step(self.truth, self.time_us)
+        self._set_home()
+
+    def _fly(self) -> None:
+        """Physics and the rate loop."""
+        truth = self.truth
+        self.rate_loop.sense(self.sensors.gyro(truth))
+        if self.commander.armed and not self.commander.killed:
+            self.signals = self.rate_loop.run(
+                self.setpoint.rates_frd_rad_s, self.setpoint.thrust, self.commander.detector.landed
+            )
+        else:
+            self.signals = self.rate_loop.stop()
+        share = self.battery.thrust_share
+        surroundings = Surroundings(
+            self.wind.step(STEP_S, self.height_m),
+            self.payload_kg,
+            tuple([efficiency * share for efficiency in self.rotor_efficiency]),
+        )
+        self.truth = step(truth, self.signals, self.airframe, surroundings, STEP_S)
+
+    def _estimate(self) -> None:
+        """The estimator's turn, and that of the controllers that hang on it."""
+        if self.uptime_s < _ARMABLE_S:
+            self.estimator.reset_counter = [count for after, count in BOOT_RESETS if self.uptime_s >= after][-1]
+        estimate = self.estimator.step(self.truth, self.time_us)
+        for jump in self.estimator.jumps:
+            self.tasks.shift(jump)
+        if self.estimator.jumps:
+            self.estimator.jumps.clear()
+        self._history.append(Sample(self.time_us, estimate, self.rate_loop.filtered_rates))
+        mode = FlightMode.UNKNOWN if self.commander.descending else self.commander.mode
+        if mode is not self._flown_mode:
+            self._enter(mode)
+        if mode is FlightMode.OFFBOARD:
+            self.setpoint = self.receiver.offboard_setpoint(estimate)
+        elif self.commander.armed and not (self.commander.detector.landed and mode in _STAYS_DOWN):
+            self.setpoint = self.tasks.run(estimate, self.height_m, self.truth.on_ground)
+            self._attitude_setpoint_ms = self.time_us // 1000
+        else:
+            self.setpoint = Setpoint(ZERO3, 0.0)
+            self._attitude_setpoint_ms = self.time_us // 1000
+
+    def _enter(self, mode: FlightMode) -> None:
+        self._flown_mode = mode
+        estimate = self.estimator.estimate
+        self.tasks.home_ned_m = self.home_local_m
+        target_down_m: float | None = None
+        if mode is FlightMode.TAKEOFF:
+            amsl_m = self.commander.takeoff_altitude_amsl_m
+            if amsl_m is None:
+                altitude_m = self.parameters["MIS_TAKEOFF_ALT"]
+                self.announcer.say("takeoff_default_altitude", _float32(altitude_m))
+                target_down_m = estimate.position_ned_m[2] - altitude_m
+            else:
+                target_down_m = self.home.altitude_amsl_m - amsl_m - self.estimator.origin_ned_m[2]
+        self.tasks.enter(mode, estimate, target_down_m)
+
+    def _command(self) -> None:
+        """The commander's turn."""
+        commander, seen = self.commander, self.commander.inputs
+        self.announcer.time_boot_ms = self.time_us // 1000
+        hover = self.airframe.hover_thrust
+        seen.on_ground = self.truth.on_ground
+        seen.thrust_share = self.setpoint.thrust / hover if isfinite(self.setpoint.thrust) else 0.0
+        seen.position_valid = self.position_valid
+        seen.heading_stable = self.heading_stable
+        seen.compass_fault = self.estimator.heading_fault
+        seen.task_finished = self.tasks.finished
+        seen.battery_fraction = self.battery.fraction
+        seen.setpoint_age_s = self.receiver.setpoint_age_s
+        seen.sticks_age_s = self.receiver.sticks_age_s
+        was_armed = commander.armed
+        commander.tick(_COMMANDER_US * 1e-6)
+        if commander.armed != was_armed:
+            self._set_home()
+            if was_armed and self.parameters["SIM_BAT_DRAIN"] > 0.0:
+                self.battery.fill()
+        if commander.landing_at_home and self._flown_mode is FlightMode.RETURN:
+            self._flown_mode = FlightMode.LAND
+            self.tasks.enter(FlightMode.LAND, self.estimator.estimate)
+        self.battery.step(
+            _COMMANDER_US * 1e-6,
+            commander.armed,
+            seen.thrust_share,
+            self.parameters["SIM_BAT_DRAIN"],
+            0.01 * self.parameters["SIM_BAT_MIN_PCT"] if self.parameters["SIM_BAT_DRAIN"] > 0.0 else 0.0,
+        )
+        self.estimator.gps = self.parameters["SIM_GPS_USED"] > 0
+        if commander.changed or self._steps % _STATUS_STEPS < 3:
+            commander.changed = False
+            self.streams.stale.discard("CURRENT_MODE")
+
+    def _set_home(self) -> None:
+        estimate = self.estimator.estimate
+        self.home_local_m = estimate.position_ned_m
+        self.home_global = global_of(
+            (
+                estimate.position_ned_m[0] + self.estimator.origin_ned_m[0],
+                estimate.position_ned_m[1] + self.estimator.origin_ned_m[1],
+                estimate.position_ned_m[2] + self.estimator.origin_ned_m[2],
+            ),
+            self.home,
+        )
+
+    def _stream(self) -> None:
+        now_us = self.time_us
+        for name in self.streams.due(self.simulated_us):
+            sample = self._newest(now_us - (_ATTITUDE_AGE_US if name in _FAST else _ODOMETRY_AGE_US))
+            self.send(name, telemetry.MESSAGES[name](self, sample))
+            if name == "CURRENT_MODE":
+                self.streams.stale.add(name)
+
+    def _newest(self, until_us: int) -> Sample:
+        for sample in reversed(self._history):
+            if sample.stamp_us <= until_us:
+                return sample
+        return self._history[0] if self._history else Sample(self.time_us, self.estimator.estimate, ZERO3)
+
+
+def _float32(value: float) -> bytes:
+    return struct.pack("<f", value)
