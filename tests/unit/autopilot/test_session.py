@@ -301,3 +301,70 @@ def test_events_are_kept_as_words(session: Px4Session) -> None:
     session.receive("EVENT", {"id": 17154777, "arguments": "0800000014"}, 0.1)
     assert session.take_events() == ["manual control lost"]
     assert session.take_events() == []
+
+
+def test_places_that_never_came_are_asked_for_again(session: Px4Session) -> None:
+    session.receive("CURRENT_MODE", current_mode(HOLD), 0.1)
+    session.receive("ODOMETRY", odometry(1000), 2.0)
+    session.poll(2.1)
+    assert requested_ids(session, 512) == {242, 49}
+
+
+def test_a_second_ack_that_comes_very_late_still_refuses(session: Px4Session) -> None:
+    session.mode_requested(FlightMode.OFFBOARD, 1.0)
+    session.receive("COMMAND_ACK", ack(176, 0), 1.001)
+    session.receive("COMMAND_ACK", ack(176, 1), 1.2)
+    refusal = session.status.value.mode_refusal
+    assert refusal is not None
+    assert refusal.mode is FlightMode.OFFBOARD
+    session.mode_requested(FlightMode.HOLD, 3.0)
+    session.receive("COMMAND_ACK", ack(176, 1), 4.5)
+    assert session.status.value.mode_refusal is None  # too late to be an answer to it
+
+
+def test_an_ack_that_never_came_does_not_blame_the_wrong_mode(session: Px4Session) -> None:
+    session.mode_requested(FlightMode.OFFBOARD, 1.0)
+    session.receive("COMMAND_ACK", ack(176, 0), 1.001)
+    session.mode_requested(FlightMode.HOLD, 1.2)
+    session.receive("COMMAND_ACK", ack(176, 0), 1.201)
+    session.receive("COMMAND_ACK", ack(176, 0), 1.202)
+    session.mode_requested(FlightMode.LAND, 1.3)
+    session.receive("COMMAND_ACK", ack(176, 2), 1.301)
+    refusal = session.status.value.mode_refusal
+    assert refusal is not None
+    assert (refusal.mode, refusal.reason) == (FlightMode.LAND, "denied")
+
+
+def test_a_command_in_progress_is_waited_for_and_not_repeated(session: Px4Session) -> None:
+    outcome = Outcome()
+    session.start_command(command_long(22), 0.0, 5.0, outcome)
+    session.take_outgoing()
+    session.receive("COMMAND_ACK", ack(22, 5), 0.1)
+    for tick in range(1, 20):
+        session.receive("ATTITUDE", {}, tick * 0.1)
+        session.poll(tick * 0.1)
+    assert not [f for _, f in session.take_outgoing() if f.get("command") == 22]
+    session.receive("COMMAND_ACK", ack(22, 0), 2.0)
+    assert outcome.calls == [None]
+
+
+def test_a_later_command_of_the_same_number_ends_the_earlier(session: Px4Session) -> None:
+    arm, disarm = Outcome(), Outcome()
+    session.start_command(command_long(400, 1.0), 0.0, 5.0, arm)
+    session.start_command(command_long(400, 0.0), 0.1, 5.0, disarm)
+    assert [type(error) for error in arm.calls] == [CommandTimeoutError]
+    session.receive("COMMAND_ACK", ack(400, 0), 0.2)
+    assert disarm.calls == [None]
+
+
+def test_samples_on_the_hot_path_alone_bring_a_lost_link_back(session: Px4Session) -> None:
+    session.poll(1.0)
+    session.take_outgoing()
+    session.receive_sample("ODOMETRY", odometry(1000), 2.0)
+    session.poll(2.02)
+    assert requested_ids(session) == {stream.message_id for stream in STREAMS}
+
+
+def test_an_intended_mode_that_is_not_told_is_the_mode(session: Px4Session) -> None:
+    session.receive("CURRENT_MODE", current_mode(OFFBOARD, 0), 1.0)
+    assert session.status.value.intended_mode is FlightMode.OFFBOARD

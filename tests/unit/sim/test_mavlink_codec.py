@@ -67,3 +67,9 @@ def test_parameters_survive_their_float(value: float, param_type: int) -> None:
 def test_a_message_that_nobody_has_defined_is_an_error() -> None:
     with pytest.raises(KeyError, match="NO_SUCH"):
         MavlinkCodec(1).encode("NO_SUCH", {})
+
+
+def test_a_message_of_zeros_keeps_one_byte_of_them() -> None:
+    packet = MavlinkCodec(1).encode("HEARTBEAT", {})
+    assert packet[1] == 1
+    assert len(MavlinkCodec(2).decode(packet)) == 1
