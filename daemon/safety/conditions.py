@@ -64,6 +64,7 @@ class Conditions:
     armed: bool = False
     in_flight: bool = False
     landed: bool = False
+    in_air: bool = False
     failsafe: bool = False
     offboard: bool = False
     hold: bool = False
@@ -136,6 +137,7 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds) -> tupl
         armed=status.armed,
         in_flight=in_flight,
         landed=status.landed is LandedState.ON_GROUND,
+        in_air=status.armed and status.landed is LandedState.IN_AIR,
         failsafe=mode is not FlightMode.OFFBOARD and (critical or differs),
         offboard=mode is FlightMode.OFFBOARD,
         hold=hold,

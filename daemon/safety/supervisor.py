@@ -89,7 +89,7 @@ TABLE: tuple[Row, ...] = (
     # What the autopilot does by itself.
     Row(_AUTOPILOT_FLIES | {_S.PILOT, _S.FAULT}, ("!armed",), _S.STANDBY, "disarmed"),
     Row(_AUTOPILOT_FLIES | {_S.PILOT}, ("failsafe", "in_flight"), _S.FAULT, "autopilot_failsafe"),
-    Row(frozenset({_S.TAKING_OFF}), ("hold", "in_flight"), _S.READY, "taken_off"),
+    Row(frozenset({_S.TAKING_OFF}), ("hold", "in_air"), _S.READY, "taken_off"),
     Row(frozenset({_S.TAKING_OFF}), ("!takeoff", "!hold"), _S.PILOT, "pilot_override"),
     Row(frozenset({_S.READY}), ("!hold",), _S.PILOT, "pilot_override"),
     Row(frozenset({_S.LANDING}), ("!landing",), _S.PILOT, "pilot_override"),
