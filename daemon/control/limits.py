@@ -6,6 +6,7 @@ from daemon.frames import clamp, rotate_inverse
 from daemon.messages import Quat, Setpoint, Vec3
 
 _HEIGHT_SHARE = 0.9  # of full thrust for height at most, so that some tilt remains
+_TILT_SHARE = 0.95  # of the tilt limit for the thrust vector: PX4's rate loop overshoots by 5 %
 _LEVEL = 1e-6  # sine of a tilt without direction
 
 
@@ -19,7 +20,7 @@ def thrust_vector(
     """
     x, y, z = thrust_ned_m_s2
     up = clamp(-z, vertical_min_m_s2, max(_HEIGHT_SHARE * full_m_s2, vertical_min_m_s2))
-    room = min(up * tan(tilt_max_rad), sqrt(max(full_m_s2 * full_m_s2 - up * up, 0.0)))
+    room = min(up * tan(_TILT_SHARE * tilt_max_rad), sqrt(max(full_m_s2 * full_m_s2 - up * up, 0.0)))
     horizontal = hypot(x, y)
     if horizontal <= room:
         return (x, y, -up), up != -z

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, fields
 from enum import Enum
-from math import inf, isfinite, radians
+from math import inf, isfinite, pi, radians
 
 from daemon.messages import GRAVITY_M_S2, Vec3
 
@@ -38,12 +38,12 @@ class ControlParameters:
     thrust_curve: float = 0.0  # THR_MDL_FAC of what PX4 leaves uncompensated: force = c u^2 + (1 - c) u
     thrust_lag_s: float = 0.055  # first-order lag of thrust, after the dead time
     rate_lag_s: Vec3 = (0.055, 0.055, 0.31)  # first-order lag of the rate loops, after the dead time
-    drag_1_s: Vec3 = (0.0, 0.0, 0.0)  # rotor drag over mass along the body axes
+    drag_1_s: Vec3 = (0.0, 0.0, 0.0)  # rotor drag over mass along the body axes; mavros_controllers: opposite sign
     gravity_m_s2: float = GRAVITY_M_S2
 
     # Position law
-    position_gain_1_s2: Vec3 = (8.0, 8.0, 9.0)  # north, east, down
-    velocity_gain_1_s: Vec3 = (4.6, 4.6, 5.2)  # north, east, down
+    position_gain_1_s2: Vec3 = (7.0, 7.0, 8.0)  # north, east, down
+    velocity_gain_1_s: Vec3 = (4.2, 4.2, 4.8)  # north, east, down
     feedback_max_m_s2: float = 9.0  # norm of the feedback acceleration
     approach_max_m_s: float = 3.0  # speed at which a far reference is approached; inf: never saturates
     feedthrough: bool = False  # fly the reference's acceleration, without feedback
@@ -52,7 +52,7 @@ class ControlParameters:
 
     # Attitude law
     attitude_law: AttitudeLaw = AttitudeLaw.QUATERNION
-    attitude_time_constant_s: Vec3 = (0.125, 0.125, 0.7)  # roll, pitch, yaw; shared by the three laws
+    attitude_time_constant_s: Vec3 = (0.15, 0.15, 0.7)  # roll, pitch, yaw; shared by the three laws
     original_gain: bool = False  # the geometric law at twice the gain, as in mavros_controllers
     heading_axis: HeadingAxis = HeadingAxis.NOSE
     heading_error_max_rad: float = 0.5  # yaw error that the law sees at most; pi: all of it
@@ -96,13 +96,15 @@ class ControlParameters:
 
 
 _MAY_BE_INFINITE = frozenset({"approach_max_m_s", "feedback_max_m_s2", "hover_time_constant_s"})
+_MAY_BE_NEGATIVE = frozenset({"drag_1_s", "linear_thrust"})
 
 
 def _sound(value: object, name: str) -> bool:
     if isinstance(value, tuple):
         return all(_sound(v, name) for v in value)
     if isinstance(value, float | int):
-        return value >= 0.0 and ((isfinite(value) and value < 1e4) or (value == inf and name in _MAY_BE_INFINITE))
+        low = -1e4 if name in _MAY_BE_NEGATIVE else 0.0
+        return (isfinite(value) and low <= value < 1e4) or (value == inf and name in _MAY_BE_INFINITE)
     return True
 
 
@@ -116,7 +118,7 @@ def from_airframe(
 ) -> ControlParameters:
     """Gains from hover thrust and the first-order lag of the roll and pitch rate loop (yaw: 5.6 times it if unknown).
 
-    The attitude loop closes 2.3 times slower than the rate loop, velocity and position follow from it, so that each
+    The attitude loop closes 2.7 times (yaw: 2.3) slower than the rate loop, velocity and position follow from it, so that each
     loop keeps the damping that the default airframe has.
     """
     yaw_lag_s = 5.6 * rate_lag_s if yaw_rate_lag_s is None else yaw_rate_lag_s
@@ -129,6 +131,36 @@ def from_airframe(
         drag_1_s=drag_1_s,
         position_gain_1_s2=(kp[0] / slower**2, kp[1] / slower**2, kp[2] / slower**2),
         velocity_gain_1_s=(kv[0] / slower, kv[1] / slower, kv[2] / slower),
-        attitude_time_constant_s=(2.3 * rate_lag_s, 2.3 * rate_lag_s, 2.3 * yaw_lag_s),
+        attitude_time_constant_s=(2.7 * rate_lag_s, 2.7 * rate_lag_s, 2.3 * yaw_lag_s),
         disturbance_bandwidth_rad_s=default.disturbance_bandwidth_rad_s / slower,
+    )
+
+
+def mavros_controllers() -> ControlParameters:
+    """The geometric controller of mavros_controllers with its published defaults and without what is added here.
+
+    Its heading convention and its line of thrust are options; limits are as wide as they go.
+    """
+    return ControlParameters(
+        position_gain_1_s2=(8.0, 8.0, 10.0),
+        velocity_gain_1_s=(1.5, 1.5, 3.3),
+        approach_max_m_s=inf,
+        attitude_time_constant_s=(0.1, 0.1, 0.1),
+        original_gain=True,
+        heading_axis=HeadingAxis.LATERAL,
+        heading_error_max_rad=pi,
+        rate_feed_forward=False,
+        lag_compensation=False,
+        velocity_bias_bandwidth_rad_s=0.0,
+        disturbance_bandwidth_rad_s=0.0,
+        hover_time_constant_s=inf,
+        linear_thrust=(0.05, 0.1),
+        tilt_max_rad=radians(85.0),
+        rate_max_rad_s=20.0,
+        yaw_rate_max_rad_s=20.0,
+        rate_slew_max_rad_s2=9999.0,
+        thrust_min=0.0,
+        thrust_max=1.0,
+        thrust_slew_max_1_s=9999.0,
+        vertical_thrust_min_m_s2=0.1,
     )
