@@ -1,0 +1,207 @@
+import errno
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from daemon.pipeline import Record
+from daemon.recording import flight, writer
+from daemon.recording.codec import RecordError
+from daemon.recording.recorder import BACKLOG, Recorder, RecordingSettings
+
+Run = Callable[..., list[Path]]
+
+
+def test_every_tick_is_recorded_with_every_bit(record: Run, fly: Callable[..., None]) -> None:
+    records: list[Record] = []
+    fly(300, lambda state, inputs, made: records.append(made))
+    ticks = flight.load(record(300)).ticks
+    wanted = records[1:]  # the first tick is where a replay begins
+    assert ticks["now_s"].tolist() == [r.now_s for r in wanted]
+    assert ticks["setpoint_rates_frd_rad_s"].tolist() == [
+        list(r.setpoint.rates_frd_rad_s) if r.setpoint else [0.0] * 3 for r in wanted
+    ]
+    assert ticks["has_setpoint"].tolist() == [r.setpoint is not None for r in wanted]
+    assert ticks.names("supervision_state") == [r.supervision.state.value for r in wanted]
+    assert ticks.text("supervision_reason") == [r.supervision.reason for r in wanted]
+
+
+def test_a_record_that_power_loss_cuts_off_is_read_to_its_last_second(record: Run, tmp_path: Path) -> None:
+    whole = record(400)[0].read_bytes()
+    cut = tmp_path / "cut.mcap"
+    read = []
+    for share in (0.5, 0.8, 0.999):
+        cut.write_bytes(whole[: int(share * len(whole))])
+        try:
+            read.append(len(flight.load([cut]).ticks.rows))
+        except RecordError:
+            read.append(0)
+    assert read[-1] == 399
+    assert read == sorted(read)
+
+
+def test_the_disk_has_all_but_the_last_second_while_the_flight_goes_on(
+    tmp_path: Path, fly: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "FLUSH_S", 0.0)
+    made = writer.RecordWriter(RecordingSettings(directory=tmp_path, when="always"), {}, 0.0)
+    fly(200, lambda *step: made.tick(writer.Step(*step)))
+    made.flush_if_due()
+    (file,) = tmp_path.glob("*.mcap")
+    copy = tmp_path / "copy.mcap"
+    copy.write_bytes(file.read_bytes())
+    assert len(flight.load([copy]).ticks.rows) == 199
+    made.close()
+
+
+def test_a_flight_has_its_own_record_with_the_seconds_around_it(record: Run) -> None:
+    files = record(900, armed=lambda tick: 300 <= tick < 500, when="armed", before_s=1.0, after_s=2.0)
+    (file,) = files
+    times = flight.load([file]).ticks["now_s"]
+    assert times[0] == pytest.approx(100.0 + 3.0 - 1.0 + 0.01, abs=0.011)
+    assert times[-1] == pytest.approx(100.0 + 5.0 + 2.0, abs=0.03)
+
+
+def test_two_flights_make_two_records(record: Run) -> None:
+    files = record(1200, armed=lambda tick: tick % 600 > 300, when="armed", before_s=0.5, after_s=0.5)
+    assert len(files) == 2
+    assert len({flight.load([file]).about["flight"] for file in files}) == 2
+
+
+def test_without_arming_nothing_is_written(record: Run) -> None:
+    assert record(100, armed=lambda tick: False, when="armed") == []
+
+
+def test_a_full_file_is_followed_by_the_next_part_of_the_flight(record: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(writer, "FLUSH_S", 0.0)
+    files = record(1500, max_file_mb=0.03)
+    assert len(files) > 1
+    parts = [flight.load([file]) for file in sorted(files, key=lambda f: int(f.stem.split("part")[1]))]
+    assert len({part.about["flight"] for part in parts}) == 1
+    times = np.concatenate([part.ticks["now_s"] for part in parts])
+    assert (np.diff(times) > 0).all()
+    assert len(times) == 1500 - len(parts)
+
+
+def test_the_oldest_records_make_room(tmp_path: Path, record: Run) -> None:
+    old = tmp_path / "20200101T000000Z-part1.mcap"
+    old.write_bytes(bytes(2_000_000))
+    other = tmp_path / "notes.txt"
+    other.write_text("mine")
+    record(50, keep_mb=3.0, max_file_mb=2.0)
+    assert not old.exists()
+    assert other.exists()
+    assert len(list(tmp_path.glob("*.mcap"))) == 1
+
+
+def test_a_hanging_disk_drops_and_counts_and_never_blocks_the_loop(
+    tmp_path: Path, fly: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    release = threading.Event()
+    slow = writer.RecordWriter.tick
+    monkeypatch.setattr(writer.RecordWriter, "tick", lambda self, step: (release.wait(10.0), slow(self, step))[1])
+    made = Recorder(RecordingSettings(directory=tmp_path, when="always"), {}, clock=lambda: 0.0)
+    made.start()
+    fly(BACKLOG + 200, made.tick)
+    assert made.report.dropped >= 199
+    release.set()
+    made.close()
+    (file,) = tmp_path.glob("*.mcap")
+    assert len(flight.load([file]).ticks.rows) >= BACKLOG - 1
+
+
+def test_after_a_gap_the_record_says_so_and_a_replay_can_begin_anew(tmp_path: Path, fly: Callable[..., None]) -> None:
+    made = writer.RecordWriter(RecordingSettings(directory=tmp_path, when="always"), {}, 0.0)
+    steps: list[Any] = []
+    fly(100, lambda *step: steps.append(writer.Step(*step)))
+    for step in steps[:40]:
+        made.tick(step)
+    made.gap(20, 0.0)
+    for step in steps[60:]:
+        made.tick(step)
+    made.close()
+    (file,) = tmp_path.glob("*.mcap")
+    topics = [part.topic for part in flight.messages(file)]
+    assert topics.count("/flightd/start") == 2
+    assert "record_gap" in [event["code"] for event in flight.load([file]).events]
+
+
+def test_a_full_disk_is_survived_and_recording_resumes(
+    tmp_path: Path, fly: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "RETRY_S", 0.0)
+    monkeypatch.setattr(writer, "FLUSH_S", 0.0)
+    made = writer.RecordWriter(RecordingSettings(directory=tmp_path, when="always"), {}, 0.0)
+    full = True
+
+    def fsync(descriptor: int) -> None:
+        if full:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(writer.os, "fsync", fsync)
+
+    def tick(*step: Any) -> None:
+        nonlocal full
+        made.tick(writer.Step(*step))
+        made.flush_if_due()
+        full = made.failures < 3
+
+    fly(100, tick)
+    made.close()
+    assert made.failures == 3
+    assert made.written > 80
+
+
+def test_a_directory_that_cannot_be_made_costs_the_record_only(tmp_path: Path, fly: Callable[..., None]) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    made = Recorder(RecordingSettings(directory=blocked / "records", when="always"), {}, clock=lambda: 0.0)
+    made.start()
+    fly(50, made.tick)
+    made.close()
+    assert made.report.failures >= 1
+    assert made.report.written == 0
+
+
+def test_events_goals_and_plans_are_kept(record: Run) -> None:
+    def notes(made: Recorder) -> None:
+        made.event("goal_refused", "outside the fence", field="waypoint.position[2]")
+        made.goal("submitted", "g-1", {"kind": "waypoint"})
+        made.goal("ended", "g-1", {"outcome": "succeeded", "error_m": 0.1})
+        made.plan(
+            {
+                "time_s": 101.0,
+                "goal_id": "g-1",
+                "spacing_s": 0.1,
+                "positions_ned_m": [[0.0, 0.0, -5.0], [1.0, 0.0, -5.0]],
+            }
+        )
+
+    found = flight.load(record(50, notes=notes))
+    assert ("goal_refused", "outside the fence") in [(e["code"], e["text"]) for e in found.events]
+    assert [(g["what"], g["goal_id"]) for g in found.goals] == [("submitted", "g-1"), ("ended", "g-1")]
+    assert found.plans[0]["positions_ned_m"][1] == [1.0, 0.0, -5.0]
+    assert found.about["config_hash"] == "abc"
+
+
+def test_what_a_tick_tells_becomes_events(tmp_path: Path, fly: Callable[..., None]) -> None:
+    made = writer.RecordWriter(RecordingSettings(directory=tmp_path, when="always"), {}, 0.0)
+    fly(150, lambda *step: made.tick(writer.Step(*step)), reset_at=120)
+    made.close()
+    (file,) = tmp_path.glob("*.mcap")
+    events = [(e["code"], e["text"]) for e in flight.load([file]).events]
+    assert ("reset", "reset of position_ne") in events
+    assert ("mode", "autopilot mode offboard") in events
+    assert any(text.startswith("tracking") for code, text in events if code == "state")
+
+
+def test_a_file_that_is_no_record_is_refused_in_words(tmp_path: Path) -> None:
+    file = tmp_path / "x.mcap"
+    file.write_text("hello, this is not a record at all")
+    with pytest.raises(RecordError, match="not a flight record"):
+        flight.load([file])
+    with pytest.raises(RecordError, match="No such file"):
+        flight.load([tmp_path / "none.mcap"])
