@@ -17,6 +17,7 @@ STEP_S = 0.004  # PX4's stamp grid
 _LARGEST_CATCH_UP = 250  # steps: a loop that stalled for longer than a second drops simulated time
 _POLL_STEPS = 5
 _HEARTBEAT_STEPS = 250
+_OURS = SessionParams(system_id=1, component_id=195)  # as MAVSDK's companion
 _TIME_EPSILON_S = 1e-6  # rounding of sums of times
 _HEARTBEAT: Message = (
     "HEARTBEAT",
@@ -30,8 +31,8 @@ class SteppedPx4(Protocol):
     def step(self) -> None:
         """Advance 4 ms."""
 
-    def receive(self, name: str, fields: Fields) -> None:
-        """Take a message."""
+    def receive(self, name: str, fields: Fields, *, sender_system: int = 1, sender_component: int = 195) -> None:
+        """Take a message of the sender with these MAVLink ids; its acks go back to them."""
 
     def take_outgoing(self) -> list[Message]:
         """Messages sent since the last call."""
@@ -51,7 +52,7 @@ class InProcessAutopilot(SessionLink):
         uplink_delay_s: float = 0.0,
         params: SessionParams | None = None,
     ) -> None:
-        super().__init__(Px4Session(params), self._flush_session)
+        super().__init__(Px4Session(params or _OURS), self._flush_session)
         self.px4 = px4
         self.downlink_delay_s = downlink_delay_s
         self.uplink_delay_s = uplink_delay_s

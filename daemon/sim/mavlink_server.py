@@ -44,8 +44,8 @@ class MavlinkEndpoint(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         """Whatever MAVLink messages it holds go to the vehicle."""
-        for name, fields, _system_id, _component_id in self._codec.decode(data):
-            self.px4.receive(name, fields)
+        for name, fields, system_id, component_id in self._codec.decode(data):
+            self.px4.receive(name, fields, sender_system=system_id, sender_component=component_id)
 
     def send_outgoing(self) -> None:
         """Send what the vehicle has to say, several messages to a datagram."""

@@ -39,7 +39,9 @@ class TinyPx4:
             "yawspeed": 0.0, "pose_covariance": [0.04] * 21, "velocity_covariance": [0.01] * 21, "reset_counter": 11,
         }  # fmt: skip
 
-    def receive(self, name: str, fields: dict[str, Any]) -> None:
+    def receive(
+        self, name: str, fields: dict[str, Any], *, sender_system: int = 1, sender_component: int = 195
+    ) -> None:
         if name == "SET_ATTITUDE_TARGET":
             self.setpoints.append((self.time_us, fields))
         elif name == "PARAM_REQUEST_READ":

@@ -29,8 +29,10 @@ class Chatter:
     def step(self) -> None:
         self.steps += 1
 
-    def receive(self, name: str, fields: dict[str, Any]) -> None:
-        self.told.append((name, fields))
+    def receive(
+        self, name: str, fields: dict[str, Any], *, sender_system: int = 1, sender_component: int = 195
+    ) -> None:
+        self.told.append((name, fields | {"from": (sender_system, sender_component)}))
 
     def take_outgoing(self) -> list[tuple[str, dict[str, Any]]]:
         out, self.extra = self.extra, []
@@ -126,6 +128,7 @@ def test_answers_come_back_to_the_vehicle_that_was_spoken_to() -> None:
 
     with listening(1) as (port, (sock,)):
         ((name, fields),) = run_virtual(fly(port, sock)).told
+    assert fields["from"] == (1, 195)
     assert (name, fields["thrust"]) == ("SET_ATTITUDE_TARGET", 0.5)
 
 
