@@ -169,10 +169,11 @@ class Commander:
             height_m = max(0.0, -record.estimate.newest.position_ned_m[2])
         self._post(kind)
         await self._until_mode(turn, mode)
+        await self._until(turn, lambda: self.state is State.LANDING, self._timeouts.mode_s, kind.value + "ing")
         limit_s += height_m / self._timeouts.descend_m_s
         await self._until(
             turn,
-            lambda: not self._autopilot.status.value.armed or self.state in (State.PILOT, State.FAULT, State.READY),
+            lambda: not self._autopilot.status.value.armed or self.state is not State.LANDING,
             limit_s,
             "landed and disarmed",
         )
