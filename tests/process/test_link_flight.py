@@ -1,0 +1,115 @@
+"""Real MAVSDK and the live link against the simulated PX4 on a loopback socket, at several times real time."""
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import AsyncIterator, Callable
+
+import structlog
+
+from daemon.autopilot.mavsdk_link import MavsdkLink
+from daemon.autopilot.port import Command, CommandKind
+from daemon.messages import FlightMode, LandedState, MavFrame, Setpoint
+from daemon.sim.airframe_files import load
+from daemon.sim.mavlink_server import MavlinkServer
+from daemon.sim.px4 import SimulatedPx4
+
+SPEED = 4.0
+PATIENCE_S = 40.0
+HOVER = Setpoint((0.0, 0.0, 0.0), 0.4905)
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        while not condition():  # noqa: ASYNC110  # the conditions are cells, not events
+            await asyncio.sleep(0.005)
+
+
+@contextlib.asynccontextmanager
+async def running(*runs: "asyncio.Task[None]") -> AsyncIterator[None]:
+    try:
+        yield
+    finally:
+        for task in runs:
+            task.cancel()
+        await asyncio.gather(*runs, return_exceptions=True)
+
+
+@contextlib.asynccontextmanager
+async def connected(speed: float) -> AsyncIterator[tuple[MavsdkLink, SimulatedPx4]]:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    px4 = SimulatedPx4(airframe=load("sih"), seed=3, system_id=3)
+    link = MavsdkLink(f"udpin://127.0.0.1:{port}", link_timeout_s=5.0)
+    server = MavlinkServer([px4], port=port, first_system_id=3, speed=speed)
+    async with running(asyncio.ensure_future(link.run()), asyncio.ensure_future(server.run())):
+        await until(lambda: link.status.value.connected and link.odometry.value is not None)
+        await until(lambda: link.status.value.landed is not LandedState.UNDEFINED)
+        yield link, px4
+        assert server.endpoints[0].unsendable == {}
+        assert link.session.malformed == {}
+
+
+async def stream(link: MavsdkLink, condition: Callable[[], bool]) -> None:
+    """Hover setpoints until something is so."""
+    async with asyncio.timeout(PATIENCE_S):
+        while not condition():
+            link.send_setpoint(HOVER)
+            await asyncio.sleep(0.01 / SPEED)
+
+
+async def test_a_flight_over_the_wire_goes_through_every_mode() -> None:
+    async with connected(SPEED) as (link, px4):
+        status = link.status
+        await until(lambda: status.value.global_position is not None)
+        assert status.value.landed is LandedState.ON_GROUND
+        await link.command(Command(CommandKind.ARM), PATIENCE_S)
+        await until(lambda: status.value.armed)
+        place = status.value.global_position
+        assert place is not None
+        await link.command(Command(CommandKind.TAKEOFF, place.altitude_amsl_m + 5.0), PATIENCE_S)
+        await until(lambda: status.value.mode is FlightMode.TAKEOFF)
+        await until(lambda: status.value.mode is FlightMode.HOLD and status.value.landed is LandedState.IN_AIR)
+        assert px4.height_m > 3.0
+        odometry = link.odometry.value
+        assert odometry is not None
+        assert (odometry.frame_id, odometry.child_frame_id) == (MavFrame.LOCAL_NED, MavFrame.LOCAL_NED)
+        assert abs(odometry.position_m[2] + px4.height_m) < 1.5
+
+        before_s = px4.uptime_s
+        await stream(link, lambda: px4.uptime_s > before_s + 0.5)
+        assert link.request_mode(FlightMode.OFFBOARD)
+        await stream(link, lambda: status.value.mode is FlightMode.OFFBOARD)
+        assert px4.mode is FlightMode.OFFBOARD
+        assert status.value.mode_refusal is None
+
+        assert link.request_mode(FlightMode.LAND)
+        await until(lambda: status.value.mode is FlightMode.LAND)
+        await until(lambda: not status.value.armed and status.value.landed is LandedState.ON_GROUND)
+
+
+async def test_offboard_without_setpoints_in_flight_is_refused_with_the_reason() -> None:
+    async with connected(SPEED) as (link, _px4):
+        status = link.status
+        await link.command(Command(CommandKind.ARM), PATIENCE_S)
+        await link.command(Command(CommandKind.TAKEOFF), PATIENCE_S)
+        await until(lambda: status.value.mode is FlightMode.HOLD and status.value.landed is LandedState.IN_AIR)
+        assert link.request_mode(FlightMode.OFFBOARD)
+        await until(lambda: status.value.mode_refusal is not None)
+        refusal = status.value.mode_refusal
+        assert refusal is not None
+        assert refusal.mode is FlightMode.OFFBOARD
+        assert refusal.reason.startswith("temporarily rejected")
+
+
+async def test_mavsdk_finds_nothing_to_warn_of_in_the_start() -> None:
+    with structlog.testing.capture_logs() as lines:
+        async with connected(1.0) as (link, _px4):
+            start = link.odometry.version
+            await until(lambda: link.odometry.version > start + 250)
+            assert await link.read_parameter("MPC_THR_HOVER", PATIENCE_S) == 0.5
+            assert await link.read_parameter("COM_RC_OVERRIDE", PATIENCE_S) == 1
+            assert await link.read_parameter("NO_SUCH_PARAM", PATIENCE_S) is None
+            assert link.session.monitor.slow == ()
+    assert [line for line in lines if line["log_level"] in ("warning", "error")] == []
