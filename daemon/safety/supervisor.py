@@ -92,7 +92,7 @@ TABLE: tuple[Row, ...] = (
     Row(frozenset({_S.TAKING_OFF}), ("hold", "in_air"), _S.READY, "taken_off"),
     Row(frozenset({_S.TAKING_OFF}), ("!takeoff", "!hold"), _S.PILOT, "pilot_override"),
     Row(frozenset({_S.READY}), ("!hold",), _S.PILOT, "pilot_override"),
-    Row(frozenset({_S.LANDING}), ("!landing",), _S.PILOT, "pilot_override"),
+    Row(frozenset({_S.LANDING}), ("!landing", "!landed"), _S.PILOT, "pilot_override"),
     Row(frozenset({_S.STANDBY}), ("in_flight",), _S.PILOT, "pilot_takeoff"),
 )
 
