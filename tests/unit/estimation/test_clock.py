@@ -80,6 +80,22 @@ def test_a_simulation_that_stood_still_costs_three_samples():
     assert verdicts[450][1] == pytest.approx(samples[450][2] + 0.12, abs=0.008)
 
 
+def test_a_long_halt_of_the_simulation_is_no_reboot():
+    samples = list(flight(600))
+    halted = [(s, a + (0.5 if i >= 400 else 0.0)) for i, (s, a, _) in enumerate(samples)]
+    verdicts = [v for v, _, _ in run(halted)]
+    assert verdicts[402] is Verdict.STEPPED
+    assert Verdict.REBOOTED not in verdicts
+
+
+def test_the_quickest_sample_of_a_step_sets_the_clock():
+    samples = [(s, t + LATENCY_S) for s, _, t in flight(500)]
+    halted = [(s, a + (0.12 if i >= 400 else 0.0) + (0.007 if i > 400 else 0.0)) for i, (s, a) in enumerate(samples)]
+    results = list(run(halted))
+    assert results[402][0] is Verdict.STEPPED
+    assert results[402][1] == pytest.approx(halted[402][1] - LATENCY_S - 0.007, abs=0.001)
+
+
 def test_a_burst_after_a_stall_of_the_link_is_not_a_step():
     samples = list(flight(600))
     held_s = samples[400][1] + 0.15

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
-from math import radians
+from math import pi, radians
 
 import pytest
 
@@ -15,11 +15,11 @@ PARAMETERS = EstimatorParameters()
 BEGIN_S, SPACING_S = 10.0, 0.01
 
 
-def fly(messages):
+def fly(messages, acceleration=ZERO3):
     state = estimator.initial(PARAMETERS)
     estimates = []
     for message in messages:
-        state, estimate = estimator.step(state, message, None, ZERO3, message.arrival_s, parameters=PARAMETERS)
+        state, estimate = estimator.step(state, message, None, acceleration, message.arrival_s, parameters=PARAMETERS)
         estimates.append(estimate)
     return estimates
 
@@ -118,6 +118,35 @@ def test_a_reset_in_a_gap_of_the_telemetry_is_measured(circle, lost_samples):
     assert not reset.truth_returned
 
 
+def test_motion_in_a_gap_is_not_taken_for_a_kind(circle):
+    """Half of the centripetal acceleration is known; a heading reset in a gap of 0.2 s stays a heading reset."""
+    known = frames.scale(circle[100].position_m, -0.5)
+    after = [moved(m, yaw_rad=0.5, steps=1) for m in circle[119:]]
+    ((_, reset),) = resets(fly(circle[:100] + after, (known[0], known[1], 0.0)))
+    assert reset.kinds == {"heading"}
+
+
+def test_motion_in_a_gap_is_not_taken_for_a_jump(circle):
+    estimates = fly(circle[:100] + circle[130:])
+    assert not events(estimates)
+    assert not [e.refused for e in estimates if e.refused]
+
+
+@pytest.mark.parametrize("start_s", [i * 0.1 for i in range(20, 90, 7)])
+def test_headings_wrap(circling, start_s):
+    """Whatever the heading is: turning on is no reset, and a jump of -100 degrees is one of -100 degrees."""
+    samples = [circling(start_s + SPACING_S * i) for i in range(120)]
+    after = [moved(m, yaw_rad=radians(-100), steps=1) for m in samples[110:]]
+    ((_, reset),) = resets(fly(samples[:110] + after))
+    assert reset.yaw_rad == pytest.approx(radians(-100), abs=0.01)
+
+
+def test_the_shift_of_the_heading_wraps(circle):
+    samples = circle[:50] + [moved(m, yaw_rad=2.0, steps=1) for m in circle[50:100]]
+    samples += [moved(m, yaw_rad=4.0, steps=2) for m in circle[100:]]
+    assert fly(samples)[-1].shift.yaw_rad == pytest.approx(4.0 - 2.0 * pi, abs=0.02)
+
+
 def test_a_reset_in_a_long_gap_is_the_return_of_the_truth(circle):
     after = [moved(m, position=(3.0, 0.0, 0.0), steps=1) for m in circle[170:]]
     ((_, event),) = events(fly(circle[:100] + after))
@@ -186,7 +215,7 @@ def test_a_counter_that_comes_after_its_jump_gives_one_reset(circle):
     assert [i for i, _ in resets(estimates)] == [101]
 
 
-def unexplained(estimates, samples):
+def unexplained(estimates):
     """How far the published position jumps from tick to tick beyond the velocity, without what a reset explains."""
     jumps = []
     for before, after in pairwise(estimates):
@@ -204,8 +233,17 @@ def test_a_slow_slide_is_followed_at_a_bounded_rate(circle):
     after = [moved(m, position=(0.05 * min(i + 1, 3), 0.0, 0.0)) for i, m in enumerate(circle[100:])]
     estimates = fly(circle[:100] + after)
     assert not events(estimates)
-    assert max(unexplained(estimates, circle)) < PARAMETERS.slide.follow_m_s * SPACING_S + 0.002
+    assert max(unexplained(estimates)) < PARAMETERS.slide.follow_m_s * SPACING_S + 0.002
     assert estimates[-1].newest.position_ned_m == pytest.approx(after[-1].position_m)
+
+
+@pytest.mark.parametrize("steps", [0, 2])
+def test_a_jump_during_a_slide_is_explained_to_the_last_centimetre(circle, steps):
+    sliding = [moved(m, position=(0.1 * (i + 1), 0.0, 0.0)) for i, m in enumerate(circle[100:103])]
+    jumped = [moved(m, position=(0.3, 4.0, 0.0), steps=steps) for m in circle[103:]]
+    estimates = fly(circle[:100] + sliding + jumped)
+    assert len(resets(estimates)) == 1
+    assert max(unexplained(estimates)) < PARAMETERS.slide.follow_m_s * SPACING_S + 0.005
 
 
 def test_a_slide_that_goes_on_is_a_reset(circle):
@@ -215,7 +253,7 @@ def test_a_slide_that_goes_on_is_a_reset(circle):
     names = [event.name for _, event in events(estimates)]
     assert names
     assert set(names) == {"fast_slide"}
-    assert max(unexplained(estimates, circle)) < PARAMETERS.slide.follow_m_s * SPACING_S + 0.002
+    assert max(unexplained(estimates)) < PARAMETERS.slide.follow_m_s * SPACING_S + 0.002
     assert estimates[-1].newest.position_ned_m == pytest.approx(after[-1].position_m)
     assert 2.0 < estimates[-1].shift.position_ned_m[0] < 3.0
 

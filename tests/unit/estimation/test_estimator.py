@@ -91,6 +91,27 @@ def test_the_cross_check_runs_on_the_imu(message):
     assert disagreements[-1] == pytest.approx(0.4, abs=0.05)
 
 
+def test_a_commanded_acceleration_that_is_no_number_counts_as_none(circling):
+    state = estimator.initial(PARAMETERS)
+    for i in range(20):
+        m = circling(10.0 + 0.01 * i)
+        state, estimate = estimator.step(state, m, None, (nan, 0.0, inf), m.arrival_s, parameters=PARAMETERS)
+        assert estimate.refused is None
+        assert estimate.newest.position_ned_m == pytest.approx(m.position_m)
+
+
+def test_an_unknown_variance_is_an_excess_and_leaves_no_trace_once_it_is_known(message):
+    state = estimator.initial(PARAMETERS)
+    excess = []
+    for i in range(30):
+        m = message(1_000_000 + 10_000 * i)
+        m = replace(m, position_variance_m2=(nan, nan, nan)) if 10 <= i < 20 else m
+        state, estimate = estimator.step(state, m, None, ZERO3, m.arrival_s, parameters=PARAMETERS)
+        excess.append(estimate.quality.variance_excess)
+    assert excess == [False] * 10 + [True] * 10 + [False] * 10
+    assert estimate.quality.variance_growth_m2_s == pytest.approx(0.0)
+
+
 @pytest.mark.parametrize(("variance", "excess"), [((0.04, 0.05, 0.08), False), ((0.04, 0.31, 0.08), True)])
 def test_a_variance_beyond_the_bound_is_flagged_at_once(message, variance, excess):
     state = estimator.initial(PARAMETERS)

@@ -73,7 +73,7 @@ def test_numbers_out_of_physical_range_are_refused(message, change):
     assert gate.read(message(**change), parameters=PARAMETERS) is Refusal.OUT_OF_RANGE
 
 
-@pytest.mark.parametrize("variance", [(nan, nan, nan), (0.1, nan, 0.1), (-1.0, 0.1, 0.1)])
+@pytest.mark.parametrize("variance", [(nan, nan, nan), (0.1, nan, 0.1), (-1.0, 0.1, 0.1), (0.1, 0.1, nan)])
 def test_an_unknown_variance_counts_as_infinite(variance):
     assert gate.largest_variance_m2(variance) == inf
 

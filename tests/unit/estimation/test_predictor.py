@@ -96,6 +96,11 @@ def test_predicting_in_two_steps_is_predicting_at_once():
     assert frames.angle_between(twice.attitude_wb, once.attitude_wb) < 1e-9
 
 
+def test_an_absurd_acceleration_is_believed_up_to_a_bound():
+    ahead = predict(at(), 100.1, (1e6, 0.0, 0.0), parameters=PARAMETERS)
+    assert ahead.velocity_ned_m_s[0] == pytest.approx(0.1 * PARAMETERS.acceleration_max_m_s2)
+
+
 def test_commands_are_kept_for_as_long_as_they_can_act():
     commands = ()
     for i in range(300):
