@@ -38,7 +38,7 @@ def flight_filter(predictor: Predictor = ekf.predict) -> FilterParameters:
     return FilterParameters(
         predictor=predictor,
         process_noise_1_s=frozen(np.diag(_PROCESS_NOISE_1_S)),
-        initial_variance=1.0,
+        initial_variance=1e4,  # what the odometry is not asked for is unknown
         max_delta_s=0.5,
         control=ControlParameters(timeout_s=0.2, acceleration_limits=_LIMITS),
     )

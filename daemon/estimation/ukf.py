@@ -41,7 +41,6 @@ class Unscented:
         others = np.array([project(point, dt_s) for point in (x + push + offsets).tolist()])
         # Differences to the first point: the weights are as large as 1e6 and cancel, sums of the points would not do.
         apart = others - first
-        _wrap(apart)
         weight = 0.5 / spread
         mean = weight * apart.sum(axis=0)
         for index in ANGLES:
@@ -49,7 +48,7 @@ class Unscented:
             cosines = 1.0 - 2.0 * weight * (np.sin(0.5 * apart[:, index]) ** 2).sum()
             mean[index] = np.arctan2(sines, cosines)
         about_mean = apart - mean
-        _wrap(about_mean)
+        about_mean[:, 3:6] = (about_mean[:, 3:6] + np.pi) % (2.0 * np.pi) - np.pi
         first_weight = 1.0 - STATE_SIZE / spread + 1.0 - self.alpha * self.alpha + self.beta
         covariance = weight * about_mean.T @ about_mean + first_weight * np.outer(mean, mean) + noise
         predicted = first + mean
@@ -65,8 +64,3 @@ def _square_root(P: Matrix) -> Matrix:
     except np.linalg.LinAlgError:
         values, vectors = np.linalg.eigh(0.5 * (P + P.T))
         return np.asarray(vectors * np.sqrt(np.maximum(values, _EIGENVALUE_FLOOR)), dtype=np.float64)
-
-
-def _wrap(differences: Matrix) -> None:
-    angles = differences[:, 3:6]
-    angles[:] = (angles + np.pi) % (2.0 * np.pi) - np.pi

@@ -100,3 +100,4 @@ def test_random_sequences_as_filterpy(seed):
         assert record.refused is None
         np.testing.assert_allclose(state.x, oracle.x, rtol=0, atol=1e-9)
         np.testing.assert_allclose(state.P, oracle.P, rtol=0, atol=1e-9)
+        np.testing.assert_array_equal(state.P, state.P.T)

@@ -7,7 +7,7 @@ import pytest
 from daemon.estimation import fusion
 from daemon.estimation.fusion import FusionParameters, flight_filter
 from daemon.estimation.ukf import Unscented
-from daemon.frames import angle_between, from_rpy, from_yaw, multiply, rotate_about_down
+from daemon.frames import angle_between, from_rpy, from_yaw, multiply, rotate_about_down, yaw_of
 from daemon.messages import EstimatedState, ExternalPose, Reset
 
 PARAMETERS = FusionParameters()
@@ -140,6 +140,21 @@ def test_a_pose_far_off_is_gated_out():
     state, _ = fly(fusion.initial(PARAMETERS), [0.01 * k for k in range(1, 101)])
     _, fused = fusion.step(state, None, pose(1.0, (5.0, 0.0, 0.0)), acceleration(1.0), 1.01, parameters=PARAMETERS)
     assert [c.refused for c in fused.corrections] == ["mahalanobis"]
+    assert fused.estimate.position_variance_m2 >= truth(1.0).position_variance_m2
+
+
+def test_the_attitude_of_a_pose_counts():
+    state, before = fly(fusion.initial(PARAMETERS), [0.01 * k for k in range(1, 101)])
+    turned = replace(pose(1.0), attitude_wb=multiply(from_yaw(0.03), truth(1.0).attitude_wb))
+    _, fused = fusion.step(state, None, turned, acceleration(1.0), 1.01, parameters=PARAMETERS)
+    assert yaw_of(fused.estimate.attitude_wb) - yaw_of(before.estimate.attitude_wb) > 0.003
+
+
+def test_poses_alone_may_give_the_position():
+    parameters = FusionParameters(odometry_axes=(False,) * 3 + (True,) * 9)
+    times = [0.01 * k for k in range(1, 101)]
+    _, fused = fly(fusion.initial(parameters), times, parameters, poses={t: pose(t) for t in times[10::3]})
+    np.testing.assert_allclose(fused.estimate.position_ned_m, truth(1.0).position_ned_m, atol=0.03)
 
 
 def test_poses_hold_the_position_when_the_odometry_has_lost_its_own():
@@ -197,6 +212,24 @@ def test_a_reset_renames_the_estimate_at_once():
     expected = multiply(from_yaw(RESET.yaw_rad), old.attitude_wb)
     assert angle_between(new.attitude_wb, expected) < 1e-7
     assert new.rates_frd_rad_s == old.rates_frd_rad_s
+    np.testing.assert_allclose(state.lagged.state.predicted_x[:3], new.position_ned_m, atol=0.01)
+
+
+def test_a_reset_renames_the_measurements_that_a_replay_will_use():
+    rng = np.random.default_rng(4)
+    state, _ = fly(fusion.initial(PARAMETERS), [0.01 * k for k in range(1, 11)], of=lambda t: noisy(t, rng))
+    place = replace(RESET, velocity_ned_m_s=(0.0, 0.0, 0.0))
+    renamed = fusion.shifted(state, place)
+    for old, new in zip(state.lagged.history, renamed.lagged.history, strict=True):
+        moved = np.subtract(new.measurement.values, old.measurement.values)
+        np.testing.assert_allclose(moved[:3], place.position_ned_m, atol=1e-12)
+        assert sin(moved[5] - place.yaw_rad) == pytest.approx(0.0, abs=1e-12)
+        np.testing.assert_array_equal(moved[[3, 4, 9, 10, 11]], 0.0)
+
+
+def test_a_reset_before_the_first_sample_is_nothing():
+    state = fusion.shifted(fusion.initial(PARAMETERS), RESET)
+    assert not state.lagged.state.x.any()
 
 
 def test_samples_after_a_reset_find_the_filter_where_they_are():
@@ -247,14 +280,16 @@ def test_a_lasting_refusal_does_not_lock_the_vehicle_out():
 
 
 def test_after_a_long_gap_it_starts_anew():
-    state, _ = fly(fusion.initial(PARAMETERS), [0.01 * k for k in range(1, 101)])
-    _, fused = fusion.step(state, truth(3.0), None, acceleration(3.0), 3.01, parameters=PARAMETERS)
+    parameters = replace(PARAMETERS, odometry_gate_sigma=inf, restart_s=inf)
+    state, _ = fly(fusion.initial(parameters), [0.01 * k for k in range(1, 101)], parameters)
+    _, fused = fusion.step(state, truth(3.0), None, acceleration(3.0), 3.01, parameters=parameters)
     assert fused.restarted
     assert fused.estimate.position_ned_m == pytest.approx(truth(3.0).position_ned_m)
 
 
 def test_the_same_sample_counts_once():
-    state, _ = fly(fusion.initial(PARAMETERS), [0.01, 0.02])
+    state, _ = fly(fusion.initial(PARAMETERS), [0.01, 0.02], poses={0.02: pose(0.015)})
+    assert state.pose is not None
     _, fused = fusion.step(state, state.sample, state.pose, (0.0, 0.0, 0.0), 0.03, parameters=PARAMETERS)
     assert fused.corrections == ()
 

@@ -89,6 +89,7 @@ def test_angles_average_on_the_circle():
     x[5] = np.pi - 1e-3
     state = replace(with_state(initial(PARAMETERS), x, 0.1 * np.eye(15)), stamp_s=0.0)
     after = predict(state, 0.01, PARAMETERS)
+    np.testing.assert_array_equal(after.P, after.P.T)
     assert abs(after.x[5]) == pytest.approx(np.pi - 1e-3, abs=1e-4)
     assert after.P[5, 5] == pytest.approx(0.1, rel=0.05)
 
@@ -98,7 +99,7 @@ def test_a_covariance_that_rounding_made_indefinite_is_repaired():
     P[0, 1] = P[1, 0] = 0.1000001
     state = replace(with_state(initial(PARAMETERS), Z, P), stamp_s=0.0)
     after = predict(state, 0.01, PARAMETERS)
-    assert np.isfinite(after.x).all()
+    assert after.x is not state.x
     assert np.linalg.eigvalsh(after.P).min() > -1e-7
 
 
