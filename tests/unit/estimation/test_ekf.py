@@ -70,6 +70,13 @@ def test_predicted_numbers_with_control():
     np.testing.assert_allclose(state.x, expected, rtol=0, atol=1e-9)
 
 
+def test_predictions_keep_the_covariance_symmetric_to_the_last_bit():
+    state = started()
+    for k in range(1, 20):
+        state = predict(state, 0.03 * k, PARAMETERS)
+        np.testing.assert_array_equal(state.P, state.P.T)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_random_sequences_as_filterpy(seed):
     """filterpy's algebra over the motion model, whose Jacobian finite differences check elsewhere."""
