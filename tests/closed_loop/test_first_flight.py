@@ -1,5 +1,6 @@
 """The spine: take-off, goals, preemption, landing, through the real tasks in virtual time."""
 
+from itertools import pairwise
 from math import dist, radians
 
 import pytest
@@ -44,7 +45,7 @@ def test_the_reference_goes_on_without_a_step_when_goals_preempt() -> None:
         jerk = flight.vehicle.parameters.value.limits.jerk_m_s3
         flown = [r.reference for r in flight.records if r.reference is not None]
         assert len(flown) > 400
-        for before, after in zip(flown, flown[1:], strict=False):
+        for before, after in pairwise(flown):
             dt = after.time_s - before.time_s
             drawn = frames.add(before.position_ned_m, frames.scale(before.velocity_ned_m_s, dt))
             drawn = frames.add(drawn, frames.scale(before.acceleration_ned_m_s2, 0.5 * dt * dt))
