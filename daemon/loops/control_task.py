@@ -8,7 +8,7 @@ from daemon.estimation.estimator import EstimatorState
 from daemon.latest import Latest
 from daemon.loops.grid import Grid
 from daemon.messages import ReferenceWindow, VehicleRequest
-from daemon.pipeline import Inputs, Parameters, Record
+from daemon.pipeline import Inputs, Parameters, PipelineState, Record
 from daemon.safety.dead_man import SetpointGate
 
 
@@ -39,6 +39,11 @@ class ControlTask:
         self._parameters = parameters
         self._clock_gap_s = clock_gap_s
         self._state = pipeline.initial(parameters.value)
+
+    @property
+    def state(self) -> PipelineState:
+        """The flow's memory after the newest tick, for the flight record."""
+        return self._state
 
     @property
     def estimator_state(self) -> EstimatorState:

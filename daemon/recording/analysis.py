@@ -200,7 +200,9 @@ def _where(present: np.ndarray[Any, Any], values: np.ndarray[Any, Any]) -> Array
 
 
 def _rpy_deg(attitude: Array) -> Array:
-    return np.asarray(np.degrees(np.array([frames.to_rpy((q[0], q[1], q[2], q[3])) for q in attitude.tolist()]).reshape(-1, 3)))
+    return np.asarray(
+        np.degrees(np.array([frames.to_rpy((q[0], q[1], q[2], q[3])) for q in attitude.tolist()]).reshape(-1, 3))
+    )
 
 
 def _wrap_deg(angle: Array) -> Array:

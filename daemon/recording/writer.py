@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import foxglove
-import structlog
 from foxglove.mcap import MCAPCompression, MCAPWriteOptions, MCAPWriter
 
+from daemon import logs
 from daemon.recording import files, narrator
 from daemon.recording.topics import Step, Topics
 
@@ -21,7 +21,7 @@ FLUSH_S = 1.0  # a record that power loss cuts off is whole up to here
 RETRY_S = 10.0  # after a failure of the disk
 _MB = 1_000_000
 
-log = structlog.get_logger(__name__)
+log = logs.get("recorder")
 
 
 class RecordWriter:

@@ -1,0 +1,36 @@
+"""`flightd report`: a flight record as one page."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from daemon.cli.common import Exit, JsonOption, fail, say, say_json
+from daemon.recording.codec import RecordError
+
+RECORDS = "Flight record (.mcap); the parts of one flight in order."
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command(name="report", epilog="Example:\n\nflightd report flight-records/20261122T101500Z-part1.mcap")(report)
+
+
+def report(
+    records: Annotated[list[Path], typer.Argument(metavar="FLIGHT.mcap...", help=RECORDS)],
+    out: Annotated[Path, typer.Option(help="Folder for the page and its pictures.")] = Path("flight-report"),
+    as_json: JsonOption = False,
+) -> None:
+    """Write a page about a flight: summary, path, errors, attitude, rates, thrust, timing, goals, events."""
+    try:
+        from daemon.recording.report import write_report
+    except ImportError:
+        fail(Exit.REFUSED, "the report needs matplotlib: pip install 'flightd[report]'", as_json)
+    try:
+        page = write_report(records, out)
+    except (RecordError, OSError) as error:
+        fail(Exit.REFUSED, str(error), as_json)
+    if as_json:
+        say_json({"report": str(page), "picture": str(out / "flight.png")})
+    else:
+        say(f"{page}")
