@@ -9,6 +9,7 @@ from math import inf
 
 from daemon.autopilot import decode, events, streams
 from daemon.autopilot.acks import CommandAcks, Done, ModeAcks
+from daemon.autopilot.param_reads import ParamReads, Value
 from daemon.autopilot.port import NotConnectedError
 from daemon.autopilot.px4 import (
     CMD_SET_MODE,
@@ -18,7 +19,6 @@ from daemon.autopilot.px4 import (
     is_armed,
     is_requestable,
     mode_from_custom,
-    param_request_read,
     set_mode,
 )
 from daemon.latest import Latest
@@ -34,7 +34,6 @@ from daemon.messages import (
 
 SAMPLES = ("ODOMETRY", "HIGHRES_IMU")
 _REASON_UPDATE_S = 0.2  # an EVENT that explains a refusal comes within a few ms of the ack; generous
-_PARAM_RESEND_S = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,13 +47,6 @@ class SessionParams:
     reboot_step_s: float = 1.0
     system_id: int = 0
     component_id: int = 0
-
-
-@dataclass(slots=True)
-class _ParamRead:
-    done: Callable[[float | int | None], None]
-    deadline_s: float
-    resend_s: float
 
 
 class Px4Session:
@@ -77,7 +69,7 @@ class Px4Session:
         self._newest_stamp_us = dict.fromkeys(SAMPLES, 0)
         self._mode_acks = ModeAcks()
         self._commands = CommandAcks()
-        self._params_read: dict[str, _ParamRead] = {}
+        self._param_reads = ParamReads()
         self._reasons = events.Reasons()
         self._refused: tuple[int, FlightMode, float] | None = None
         self._outgoing: list[Message] = []
@@ -155,7 +147,7 @@ class Px4Session:
             return
         self._outgoing += self._commands.poll(now_s, self._why_not_armed(now_s))
         self._outgoing += self.monitor.check(now_s)
-        self._poll_params(now_s)
+        self._outgoing += self._param_reads.poll(now_s)
 
     # ---- out
 
@@ -189,15 +181,9 @@ class Px4Session:
         self._commands.start(message, now_s, timeout_s, done)
         self._outgoing.append(message)
 
-    def read_parameter(
-        self, name: str, now_s: float, timeout_s: float, done: Callable[[float | int | None], None]
-    ) -> None:
+    def read_parameter(self, name: str, now_s: float, timeout_s: float, done: Callable[[Value], None]) -> None:
         """Ask for a parameter and call ``done`` with it, or with None: unknown, or no answer in time."""
-        earlier = self._params_read.pop(name, None)
-        if earlier is not None:
-            earlier.done(None)
-        self._params_read[name] = _ParamRead(done, now_s + timeout_s, now_s + _PARAM_RESEND_S)
-        self._outgoing.append(param_request_read(name))
+        self._outgoing.append(self._param_reads.start(name, now_s, timeout_s, done))
 
     # ---- messages
 
@@ -223,9 +209,7 @@ class Px4Session:
     def _forget_waiting(self, why: str) -> None:
         self._mode_acks.clear()
         self._commands.fail(NotConnectedError(why))
-        waiting, self._params_read = list(self._params_read.values()), {}
-        for read in waiting:
-            read.done(None)
+        self._param_reads.fail()
 
     def _on_reboot(self, now_s: float) -> None:
         self._newest_stamp_us = dict.fromkeys(SAMPLES, 0)
@@ -309,24 +293,9 @@ class Px4Session:
     def _on_global_origin(self, fields: Fields, _now_s: float) -> None:
         self._update(global_origin=decode.global_position(fields, "latitude", "longitude", "altitude"))
 
-    # ---- parameters
-
     def _on_param_value(self, fields: Fields, _now_s: float) -> None:
-        read = self._params_read.pop(str(fields["param_id"]), None)
-        if read is not None:
-            value = fields["param_value"]
-            read.done(value if isinstance(value, int | float) else None)
+        value = fields["param_value"]
+        self._param_reads.settle(str(fields["param_id"]), value if isinstance(value, int | float) else None)
 
     def _on_param_error(self, fields: Fields, _now_s: float) -> None:
-        read = self._params_read.pop(str(fields["param_id"]), None)
-        if read is not None:
-            read.done(None)
-
-    def _poll_params(self, now_s: float) -> None:
-        for name, read in list(self._params_read.items()):
-            if now_s >= read.deadline_s:
-                del self._params_read[name]
-                read.done(None)
-            elif now_s >= read.resend_s:
-                read.resend_s = now_s + _PARAM_RESEND_S
-                self._outgoing.append(param_request_read(name))
+        self._param_reads.settle(str(fields["param_id"]), None)

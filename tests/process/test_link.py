@@ -242,3 +242,12 @@ async def test_nothing_can_be_sent_after_the_end() -> None:
         assert link.send_setpoint(Setpoint((0.0, 0.0, 0.0), 0.5))
     assert not link.send_setpoint(Setpoint((0.0, 0.0, 0.0), 0.5))
     assert not link.request_mode(FlightMode.HOLD)
+
+
+@pytest.mark.parametrize("url", ["serial:///dev/does-not-exist:921600", "nonsense://"])
+async def test_a_connection_that_cannot_be_opened_is_tried_again_and_ends_cleanly(url: str) -> None:
+    with structlog.testing.capture_logs() as lines:
+        link = MavsdkLink(url)
+        async with running(link) as task:
+            await until(lambda: sum(line["event"] == "connection failed, trying again" for line in lines) >= 2)
+            assert not task.done()
