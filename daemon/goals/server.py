@@ -1,8 +1,10 @@
 """The goal socket's server: takes connections in and shares the loop's time among them."""
 
 import asyncio
+import socket
 from collections import deque
 from contextlib import suppress
+from functools import partial
 
 import structlog
 
@@ -10,12 +12,14 @@ from daemon.goals.dispatch import Dispatcher
 from daemon.goals.hub import Hub
 from daemon.goals.service import FlightService
 from daemon.goals.session import Session
-from daemon.goals.sockets import Listener, Operators
+from daemon.goals.sockets import Listener, Operators, peer_of
 
 MAX_CLIENTS = 1000
 BUFFER_BYTES = 16384
+ACCEPTS_PER_PASS = 4
 LINES_PER_TURN = 4
-PAUSE_S = 0.001
+VISITS_PER_TURN = 32
+PAUSE_S = 0.002
 CHECK_PERIOD_S = 1.0
 GOODBYE_S = 0.2
 
@@ -25,8 +29,8 @@ log = structlog.get_logger(__name__)
 class GoalServer:
     """Serves the goal protocol on a listening socket.
 
-    At most ``LINES_PER_TURN`` lines are done a pass of the event loop, one for each client in turn, and after such a
-    pass it rests ``PAUSE_S``: a flood waits in the sockets of those who send it.
+    At most ``LINES_PER_TURN`` lines, one for each client in turn, are done every ``PAUSE_S``: a flood waits in the
+    sockets of those who send it, and the daemon's own tasks keep the processor.
     """
 
     def __init__(self, service: FlightService, hub: Hub, operators: Operators) -> None:
@@ -40,14 +44,14 @@ class GoalServer:
         self._check: asyncio.TimerHandle | None = None
         self._empty = asyncio.Event()
         self._count = 0
-        self._server: asyncio.Server | None = None
+        self._accepting: set[asyncio.Task[object]] = set()
         self._listener: Listener | None = None
 
-    async def start(self, listener: Listener) -> None:
+    def start(self, listener: Listener) -> None:
         """Begin to serve."""
         loop = asyncio.get_running_loop()
         self._listener = listener
-        self._server = await loop.create_unix_server(self._new_session, sock=listener.sock)
+        loop.add_reader(listener.sock, self._accept)
         self._check = loop.call_later(CHECK_PERIOD_S, self._check_clients)
         log.info("socket_listens", path=str(listener.path))
 
@@ -56,9 +60,8 @@ class GoalServer:
         for handle in (self._check, self._turn):
             if handle is not None:
                 handle.cancel()
-        if self._server is not None:
-            self._server.close()
         if self._listener is not None:
+            asyncio.get_running_loop().remove_reader(self._listener.sock)
             self._listener.close()
         await self._dispatcher.stop()
         for session in list(self._sessions):
@@ -99,22 +102,48 @@ class GoalServer:
         """Tell whether nothing more is to come for a client that sends no more."""
         return session.in_flight == 0 and not self._hub.topics_of(session) and not self._hub.owns_goal(session)
 
-    def _new_session(self) -> Session:
-        self._count += 1
-        return Session(self, self._count)
+    def _accept(self) -> None:
+        """Take a few connections in; asyncio's own server would take all that wait, in one pass of the loop."""
+        loop = asyncio.get_running_loop()
+        for _ in range(ACCEPTS_PER_PASS):
+            sock = self._next_connection()
+            if sock is None:
+                return
+            self._count += 1
+            session = Session(self, self._count, peer_of(sock))
+            task = loop.create_task(loop.connect_accepted_socket(partial(_same, session), sock))
+            self._accepting.add(task)
+            task.add_done_callback(self._accepting.discard)
+
+    def _next_connection(self) -> socket.socket | None:
+        assert self._listener is not None
+        try:
+            return self._listener.sock.accept()[0]
+        except (BlockingIOError, InterruptedError, ConnectionAbortedError):
+            return None
+        except OSError as error:  # no descriptor left: try again when some may have been closed
+            log.error("accept_failed", reason=str(error))
+            loop = asyncio.get_running_loop()
+            loop.remove_reader(self._listener.sock)
+            loop.call_later(CHECK_PERIOD_S, self._accept_again)
+            return None
+
+    def _accept_again(self) -> None:
+        if self._listener is not None and self._listener.sock.fileno() >= 0:
+            asyncio.get_running_loop().add_reader(self._listener.sock, self._accept)
 
     def _take_turns(self) -> None:
         lines = 0
-        for _ in range(len(self._ready)):
+        for _ in range(VISITS_PER_TURN):
+            if not self._ready or lines == LINES_PER_TURN:
+                break
             session = self._ready.popleft()
             session.queued = False
             if session.work():
                 lines += 1
                 self.ready(session)
-            if lines == LINES_PER_TURN:
-                break
         loop = asyncio.get_running_loop()
-        if lines == LINES_PER_TURN:
+        if lines:
             self._turn = loop.call_later(PAUSE_S, self._take_turns)
         else:
             self._turn = loop.call_soon(self._take_turns) if self._ready else None
@@ -123,3 +152,7 @@ class GoalServer:
         for session in list(self._sessions):
             session.check()
         self._check = asyncio.get_running_loop().call_later(CHECK_PERIOD_S, self._check_clients)
+
+
+def _same(session: Session) -> Session:
+    return session

@@ -1,7 +1,7 @@
 """One client's connection: bounded reading, bounded work, bounded writing; it never makes the loop wait."""
 
 import asyncio
-import socket
+import select
 from typing import Protocol
 
 import structlog
@@ -9,7 +9,7 @@ import structlog
 from daemon.goals.errors import ErrorCode, ProtocolError
 from daemon.goals.protocol import MAX_LINE_BYTES, LineSplitter, encode_error
 from daemon.goals.service import Caller
-from daemon.goals.sockets import Operators, peer_of
+from daemon.goals.sockets import Operators, Peer
 
 SOFT_LIMIT_BYTES = 64 * 1024
 HARD_LIMIT_BYTES = 1024 * 1024
@@ -44,34 +44,27 @@ class Host(Protocol):
 class Session(asyncio.BufferedProtocol):
     """A connection: lines in, replies and notifications out."""
 
-    def __init__(self, host: Host, number: int) -> None:
+    def __init__(self, host: Host, number: int, peer: Peer) -> None:
         self._host = host
-        self._number = number
         self._lines = LineSplitter()
         self._transport: asyncio.Transport | None = None
         self._loop = asyncio.get_running_loop()
         self._paused = False
         self._stuck_since_s: float | None = None
         self._ended = False
+        self._hung_up = False
         self._closing = False
-        self.caller = Caller(number, 0, -1, False)
+        self.caller = Caller(number, peer.pid, peer.uid, host.operators.include(peer))
         self.queued = False
         self.in_flight = 0
         self.lost = 0
         self.rate_hz = 10.0
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Find out who it is."""
+        """Begin, unless there are too many."""
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
         transport.set_write_buffer_limits(high=SOFT_LIMIT_BYTES)
-        sock: socket.socket = transport.get_extra_info("socket")._sock
-        try:
-            peer = peer_of(sock)
-        except OSError:
-            transport.abort()
-            return
-        self.caller = Caller(self._number, peer.pid, peer.uid, self._host.operators.include(peer))
         if not self._host.opened(self):
             self.fail(ProtocolError(ErrorCode.WRONG_STATE, "too many connections; close some and try again"))
 
@@ -96,8 +89,9 @@ class Session(asyncio.BufferedProtocol):
         self._host.ready(self)
 
     def eof_received(self) -> bool:
-        """Go on answering a client that sends no more."""
+        """Do what is left to do; go on answering a client that only sends no more."""
         self._ended = True
+        self._hung_up = self._peer_closed()
         self._lines.finish()
         self._host.ready(self)
         return True
@@ -110,6 +104,14 @@ class Session(asyncio.BufferedProtocol):
         """Go on."""
         self._stuck_since_s = None
         self._host.ready(self)
+
+    def _peer_closed(self) -> bool:
+        """Tell a client that closed from one that shut down its sending side only (POLLHUP, poll(2))."""
+        if self._transport is None:
+            return True
+        poll = select.poll()
+        poll.register(self._transport.get_extra_info("socket").fileno(), 0)
+        return any(event & select.POLLHUP for _, event in poll.poll(0))
 
     def work(self) -> bool:
         """Do one line, if there is one and the client keeps up; tell whether there may be more."""
@@ -128,7 +130,7 @@ class Session(asyncio.BufferedProtocol):
         return True
 
     def _wait_for_more(self) -> None:
-        if self._ended and self._host.idle(self):
+        if self._hung_up or (self._ended and self._host.idle(self)):
             self.close()
         elif self._paused and self._transport is not None:
             self._paused = False
@@ -146,7 +148,7 @@ class Session(asyncio.BufferedProtocol):
     def send(self, line: bytes, *, essential: bool) -> None:
         """Write a line; a client that does not read loses what is not essential, and then its connection."""
         transport = self._transport
-        if transport is None or self._closing:
+        if transport is None or self._closing or self._hung_up:
             return
         waiting = transport.get_write_buffer_size()
         if waiting > SOFT_LIMIT_BYTES and not essential:
@@ -173,6 +175,7 @@ class Session(asyncio.BufferedProtocol):
         if self._stuck_since_s is not None and self._loop.time() - self._stuck_since_s > PATIENCE_S:
             self._cut_off()
         elif self._ended:
+            self._hung_up = self._peer_closed()
             self._host.ready(self)
 
     def _cut_off(self) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 SOCKET_NAME = "flightd.sock"
 SERVICE_FOLDER = Path("/run/flightd")
 MODE = 0o660
-BACKLOG = 128
+BACKLOG = 1024
 SD_LISTEN_FDS_START = 3
 SO_PEERGROUPS = 59
 LOCK_TRIES = 20
@@ -44,13 +44,9 @@ class Operators:
 
     def include(self, peer: Peer) -> bool:
         """Tell whether the peer is an operator."""
-        own_group = os.getegid()
-        return (
-            peer.uid in (0, os.geteuid())
-            or peer.uid in self.uids
-            or (own_group != 0 and own_group in peer.groups)
-            or bool(self.gids & peer.groups)
-        )
+        users = self.uids | {0, os.geteuid()}
+        groups = self.gids | {os.getegid()}
+        return peer.uid in users or bool(groups & peer.groups)
 
 
 @dataclass(frozen=True, slots=True)

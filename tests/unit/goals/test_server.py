@@ -1,0 +1,295 @@
+import asyncio
+import json
+import socket
+from contextlib import asynccontextmanager
+
+import pytest
+from fake_flight import serving
+
+from daemon.goals import session as session_module
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "s"
+
+
+class Raw:
+    """A client that sends bytes and reads lines."""
+
+    def __init__(self, reader, writer):
+        self.reader, self.writer = reader, writer
+
+    def send(self, *messages):
+        for message in messages:
+            self.writer.write((message if isinstance(message, bytes) else json.dumps(message).encode()) + b"\n")
+
+    async def line(self):
+        return json.loads(await asyncio.wait_for(self.reader.readline(), 10))
+
+    async def ask(self, method, params=None, request_id=1):
+        self.send(request(method, params, request_id))
+        while (message := await self.line()).get("id") != request_id:
+            pass
+        return message
+
+
+def request(method, params=None, request_id=1):
+    return {"jsonrpc": "2.0", "id": request_id, "method": method, "params": params or {}}
+
+
+def goal(north=1.0, request_id=1):
+    return request("goal.submit", {"waypoint": {"position": [north, 0, -5]}}, request_id)
+
+
+@asynccontextmanager
+async def raw(path):
+    reader, writer = await asyncio.open_unix_connection(str(path), limit=1 << 22)
+    try:
+        yield Raw(reader, writer)
+    finally:
+        writer.close()
+
+
+async def settle(client):
+    """Everything that was sent before is done."""
+    await client.ask("system.info", request_id="settled")
+
+
+async def test_reply_precedes_the_goals_notifications_even_when_it_ends_at_once(path):
+    async with serving(path, auto="instant"), raw(path) as client:
+        client.send(goal())
+        reply, result = await client.line(), await client.line()
+        assert reply["result"] == {"goal_id": "g-1", "preempted": None}
+        assert (result["method"], result["params"]["goal_id"]) == ("goal.result", "g-1")
+
+
+async def test_batch_is_answered_in_one_line_before_its_goals_notifications(path):
+    async with serving(path, auto="instant"), raw(path) as client:
+        client.send([goal(request_id="a"), 7, request("status.got", request_id="b"), goal(2, request_id="c")])
+        replies = await client.line()
+        assert [reply.get("id") for reply in replies] == ["a", None, "b", "c"]
+        assert [reply.get("error", {}).get("code") for reply in replies] == [None, -32600, -32601, None]
+        assert [(await client.line())["params"]["goal_id"] for _ in range(2)] == ["g-1", "g-2"]
+
+
+async def test_each_of_many_goals_gets_exactly_one_result(path):
+    count = 300
+    async with serving(path) as daemon, raw(path) as client:
+        client.send(*(goal(n, n) for n in range(count)))
+        replies, results = {}, {}
+        while len(results) < count - 1 or len(replies) < count:
+            message = await client.line()
+            if "id" in message:
+                replies[message["result"]["goal_id"]] = message
+            else:
+                record = message["params"]
+                assert record["goal_id"] in replies and record["goal_id"] not in results
+                results[record["goal_id"]] = record
+        daemon.end(daemon.active)
+        last = await client.line()
+        assert last["params"]["goal_id"] not in results and last["params"]["outcome"] == "succeeded"
+        await settle(client)
+        assert all(record["outcome"] == "preempted" for record in results.values())
+
+
+async def test_submitter_who_also_subscribes_hears_each_result_once(path):
+    async with serving(path) as daemon, raw(path) as client, raw(path) as other:
+        for subscriber in (client, other):
+            await subscriber.ask("telemetry.subscribe", {"topics": ["goal"]})
+        submitted = await client.ask("goal.submit", {"waypoint": {"position": [1, 0, -5]}})
+        daemon.end(submitted["result"]["goal_id"])
+        for subscriber in (client, other):
+            subscriber.send(request("system.info", request_id="end"))
+            heard = []
+            while (message := await subscriber.line()).get("id") != "end":
+                heard.append(message["method"])
+            heard += [(await asyncio.wait_for(subscriber.line(), 1))["method"]] if not heard else []
+            assert heard == ["goal.result"]
+
+
+async def test_goal_goes_on_when_its_client_leaves(path):
+    async with serving(path) as daemon:
+        async with raw(path) as client:
+            await client.ask("goal.submit", {"waypoint": {"position": [1, 0, -5]}})
+        async with raw(path) as other:
+            found = await other.ask("goal.get", {"goal_id": "g-1"})
+            assert found["result"]["state"] == "active"
+            daemon.end("g-1")
+            assert (await other.ask("goal.get", {"goal_id": "g-1"}))["result"]["outcome"] == "succeeded"
+            assert daemon.hub._goals == {}
+
+
+async def test_pending_request_does_not_hold_up_the_next(path):
+    async with serving(path) as daemon, raw(path) as client:
+        client.send(request("vehicle.takeoff", {"altitude_m": 99.0}, "slow"))
+        assert "result" in await client.ask("vehicle.hold", request_id="quick")
+        daemon.release.set()
+        assert (await client.line())["id"] == "slow"
+
+
+async def test_mistake_inside_the_daemon_is_an_internal_error_and_nothing_more(path):
+    async with serving(path), raw(path) as client:
+        found = await client.ask("goal.submit", {"waypoint": {"position": [0, 0, -13]}})
+        assert found["error"]["code"] == -32603
+        assert "result" in await client.ask("status.get")
+
+
+async def test_refused_notification_comes_back_as_an_event(path):
+    async with serving(path), raw(path) as client:
+        client.send({"jsonrpc": "2.0", "method": "reference.set", "params": {"goal_id": "x"}})
+        event = await client.line()
+        assert event["method"] == "telemetry.events"
+        assert (event["params"]["code"], event["params"]["field"]) == ("refused", "position")
+        pose = {"position": [0, 0, 0], "orientation": [1, 0, 0, 0]}
+        client.send({"jsonrpc": "2.0", "method": "estimator.pose", "params": pose})
+        assert "not configured" in (await client.line())["params"]["text"]
+
+
+async def test_not_json_is_answered_and_the_connection_goes_on(path):
+    async with serving(path), raw(path) as client:
+        client.send(b"{", b"", b"  ", b'{"x":NaN}', b"\xff")
+        assert [(await client.line())["error"]["code"] for _ in range(3)] == [-32700] * 3
+        assert "result" in await client.ask("system.info")
+
+
+async def test_line_that_is_too_long_is_answered_and_ends_the_connection(path):
+    async with serving(path), raw(path) as client:
+        client.writer.write(b"x" * 70000)
+        assert (await client.line())["error"]["code"] == -32600
+        assert await client.reader.read() == b""
+
+
+async def test_half_closed_client_gets_its_replies_and_then_the_end(path):
+    async with serving(path), raw(path) as client:
+        client.writer.write(json.dumps(request("status.get")).encode())
+        client.writer.write_eof()
+        assert (await client.line())["result"]["state"] == "ready"
+        assert await asyncio.wait_for(client.reader.read(), 10) == b""
+
+
+async def test_subscriber_gets_topics_at_its_rate(path):
+    async with serving(path) as daemon, raw(path) as client:
+        found = await client.ask("telemetry.subscribe", {"topics": ["loops", "events"], "rate_hz": 1.0})
+        assert found["result"] == {"topics": ["loops", "events"], "rate_hz": 1.0}
+        for number in range(5):
+            daemon.hub.publish("loops", {"number": number})
+            daemon.hub.event("tick", str(number))
+        client.send(request("telemetry.unsubscribe", {"topics": ["loops"]}, "end"))
+        heard = [await client.line() for _ in range(7)]
+        assert [m["params"]["number"] for m in heard if m.get("method") == "telemetry.loops"] == [0]
+        assert [m["params"]["text"] for m in heard if m.get("method") == "telemetry.events"] == list("01234")
+        assert [m["result"]["topics"] for m in heard if m.get("id") == "end"] == [["events"]]
+        assert not daemon.hub.wants("loops")
+
+
+async def test_client_that_does_not_read_loses_feedback_first_and_is_then_cut_off(path, monkeypatch):
+    monkeypatch.setattr(session_module, "PATIENCE_S", -1.0)
+    async with serving(path) as daemon, raw(path) as client:
+        deaf = socket.socket(socket.AF_UNIX)
+        deaf.setblocking(False)
+        deaf.connect(str(path))
+        deaf.send(json.dumps(goal()).encode() + b"\n")
+        while daemon.active is None:
+            await settle(client)
+        session = next(s for s in daemon.server._sessions if daemon.hub.owns_goal(s))
+        while session.lost < 100:
+            daemon.feedback("g-1")
+        assert session._transport.get_write_buffer_size() < 2 * session_module.SOFT_LIMIT_BYTES
+        assert session in daemon.server._sessions
+        await settle(client)
+        session.check()
+        await settle(client)
+        assert session not in daemon.server._sessions
+        assert daemon.active == "g-1"
+        deaf.close()
+
+
+async def test_client_that_floods_and_does_not_read_is_not_read_either(path):
+    async with serving(path) as daemon, raw(path) as client:
+        deaf = socket.socket(socket.AF_UNIX)
+        deaf.setblocking(False)
+        deaf.connect(str(path))
+        line = json.dumps(request("status.get")).encode() + b"\n"
+        sent = 0
+        while sent < 20000:
+            try:
+                deaf.send(line)
+                sent += 1
+            except BlockingIOError:
+                await settle(client)
+                if any(s._stuck_since_s is not None for s in daemon.server._sessions):
+                    break
+        assert sent < 20000
+        stuck = next(s for s in daemon.server._sessions if s._stuck_since_s is not None)
+        assert stuck._transport.get_write_buffer_size() < 3 * session_module.SOFT_LIMIT_BYTES
+        assert stuck._lines.pending_bytes < 3 * session_module.SOFT_LIMIT_BYTES
+        deaf.close()
+
+
+async def test_flood_leaves_the_loop_its_turns(path):
+    """Between two lines of work of any one pass the loop is free: no pass does more than a few lines."""
+    async with serving(path) as daemon, raw(path) as client:
+        passes, seen = [], 0
+
+        def count():
+            nonlocal seen
+            done = len(daemon.calls)
+            passes.append(done - seen)
+            seen = done
+            if done < 2000:
+                asyncio.get_running_loop().call_soon(count)
+
+        count()
+        client.send(*(request("vehicle.arm", None, n) for n in range(2000)))
+        for _ in range(2000):
+            await client.line()
+        assert max(passes) <= 2 * 4
+
+
+async def test_clients_take_turns(path):
+    """One that asks once is answered long before the thousand requests of one that came first."""
+    async with serving(path) as daemon, raw(path) as flooder, raw(path) as modest:
+        flooder.send(*(request("vehicle.arm", None, n) for n in range(1000)))
+        await flooder.writer.drain()
+        await modest.ask("status.get")
+        assert len(daemon.calls) < 500
+
+
+async def test_hundreds_of_clients_at_once(path):
+    async with serving(path, auto="succeeded") as daemon:
+
+        async def visit(number):
+            async with raw(path) as client:
+                assert (await client.ask("status.get", request_id=number))["result"]["state"] == "ready"
+                await client.ask("telemetry.subscribe", {"topics": ["events"]})
+                return (await client.line())["params"]["text"]
+
+        visits = [asyncio.create_task(visit(number)) for number in range(300)]
+        async with raw(path) as observer:
+            while len(daemon.hub._gates["events"]) < 300:
+                await settle(observer)
+        daemon.hub.event("hello", "all")
+        assert await asyncio.gather(*visits) == ["all"] * 300
+        async with raw(path) as observer:
+            while len(daemon.server._sessions) > 1:
+                await settle(observer)
+        assert not daemon.hub._gates["events"]
+
+
+async def test_client_beyond_the_limit_is_told_so(path, monkeypatch):
+    monkeypatch.setattr("daemon.goals.server.MAX_CLIENTS", 1)
+    async with serving(path), raw(path) as first:
+        await settle(first)
+        async with raw(path) as second:
+            assert "too many" in (await second.line())["error"]["message"]
+            assert await second.reader.read() == b""
+        await settle(first)
+
+
+async def test_stop_ends_what_waits_and_removes_the_socket(path):
+    async with serving(path), raw(path) as client:
+        client.send(request("vehicle.takeoff", {"altitude_m": 99.0}))
+        await settle(client)
+    assert not path.exists()
+    assert await client.reader.read() == b""
