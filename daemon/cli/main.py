@@ -2,7 +2,7 @@
 
 import typer
 
-from daemon.cli import daemon_commands, goals, vehicle
+from daemon.cli import daemon_commands, goals, sim, vehicle
 
 app = typer.Typer(
     name="flightd",
@@ -15,6 +15,7 @@ app = typer.Typer(
 daemon_commands.register(app)
 vehicle.register(app)
 goals.register(app)
+sim.register(app)
 
 
 def main() -> None:
