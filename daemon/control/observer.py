@@ -44,7 +44,7 @@ def update(
     and vertically; bandwidth 0 keeps it at zero.
     """
     dt_s = time_s - observer.time_s
-    if dt_s <= 0.0:
+    if not dt_s > 0.0:
         return observer
     if bandwidth_rad_s <= 0.0:
         return Observer(time_s, quantity, derivative)

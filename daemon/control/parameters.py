@@ -118,8 +118,8 @@ def from_airframe(
 ) -> ControlParameters:
     """Gains from hover thrust and the first-order lag of the roll and pitch rate loop (yaw: 5.6 times it if unknown).
 
-    The attitude loop closes 2.7 times (yaw: 2.3) slower than the rate loop, velocity and position follow from it, so that each
-    loop keeps the damping that the default airframe has.
+    The attitude loop closes 2.7 times (yaw: 2.3) slower than the rate loop; velocity, position and disturbance follow
+    from it, so that each loop keeps the damping that it has on the default airframe.
     """
     yaw_lag_s = 5.6 * rate_lag_s if yaw_rate_lag_s is None else yaw_rate_lag_s
     default = ControlParameters()

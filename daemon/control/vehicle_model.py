@@ -52,7 +52,7 @@ def observed(model: VehicleModel, estimate: EstimatedState, p: ControlParameters
     The thrust that acts is the command after the vehicle's delay and lag, limits included: nothing winds up.
     """
     time_s, dt_s = estimate.time_s, estimate.time_s - model.by_velocity.time_s
-    if dt_s <= 0.0:
+    if not dt_s > 0.0:
         return model
     by_position = observer.update(
         model.by_position,

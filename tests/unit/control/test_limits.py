@@ -1,0 +1,81 @@
+from math import hypot, inf, nan, radians
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daemon import frames
+from daemon.control import limits
+from daemon.messages import Quat, Setpoint, Vec3
+
+TILT, FULL, LEAST = radians(35.0), 19.0, 3.0
+vectors = st.tuples(*[st.floats(-1e3, 1e3)] * 3)
+
+
+def cut(thrust: Vec3) -> tuple[Vec3, bool]:
+    return limits.thrust_vector(thrust, tilt_max_rad=TILT, full_m_s2=FULL, vertical_min_m_s2=LEAST)
+
+
+@given(vectors)
+@settings(deadline=None, max_examples=100)
+def test_thrust_vector_stays_within_tilt_full_thrust_and_upward(thrust: Vec3) -> None:
+    (x, y, z), _ = cut(thrust)
+    assert -z >= LEAST
+    assert frames.norm((x, y, z)) <= FULL + 1e-9
+    assert hypot(x, y) <= -z * 0.7002076  # tan 35 deg
+    assert x * thrust[1] == pytest.approx(y * thrust[0], rel=1e-6, abs=1e-6)
+
+
+def test_thrust_vector_within_limits_is_left_alone() -> None:
+    assert cut((2.0, -1.0, -9.8)) == ((2.0, -1.0, -9.8), False)
+
+
+def test_height_comes_before_tilt_when_thrust_runs_out() -> None:
+    (x, _, z), was_cut = limits.thrust_vector(
+        (15.0, 0.0, -16.0), tilt_max_rad=radians(60.0), full_m_s2=19.0, vertical_min_m_s2=3.0
+    )
+    assert was_cut and z == -16.0
+    assert x == pytest.approx((19.0**2 - 16.0**2) ** 0.5)
+
+
+@given(st.tuples(*[st.floats(-3.0, 3.0)] * 3), st.tuples(*[st.floats(-20.0, 20.0)] * 3))
+@settings(deadline=None, max_examples=100)
+def test_guard_bounds_the_outward_turn(rotation: Vec3, rates: Vec3) -> None:
+    q: Quat = frames.exp(rotation)
+    x, y, z = limits.tilt_guard(rates, q, TILT, 0.15)
+    tilt, dt = frames.tilt_of(q), 1e-6
+    assert z == rates[2]
+    if 1e-3 < tilt < 3.1:
+        outward = (frames.tilt_of(frames.integrate(q, (x, y, z), dt)) - tilt) / dt
+        assert outward <= (TILT - tilt) / 0.15 + 1e-2
+
+
+def test_guard_leaves_inward_rates_alone() -> None:
+    q = frames.from_rpy(radians(20.0), 0.0, 0.0)
+    assert limits.tilt_guard((-3.0, 0.5, 1.0), q, TILT, 0.15) == (-3.0, 0.5, 1.0)
+
+
+def test_slew_is_bounded_per_step_and_reaches_the_target() -> None:
+    last, wanted = Setpoint((0.0, 0.0, 0.0), 0.5), Setpoint((3.0, 4.0, -2.0), 0.9)
+    step = limits.toward(last, wanted, rate_step_rad_s=0.5, thrust_step=0.1)
+    assert step.rates_frd_rad_s == pytest.approx((0.3, 0.4, -0.5))
+    assert step.thrust == pytest.approx(0.6)
+    for _ in range(20):
+        last = limits.toward(last, wanted, rate_step_rad_s=0.5, thrust_step=0.1)
+    assert last.rates_frd_rad_s == pytest.approx((3.0, 4.0, -2.0)) and last.thrust == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize("bad", [nan, inf, -inf])
+@pytest.mark.parametrize("place", range(4))
+def test_last_check_replaces_what_is_not_finite(bad: float, place: int) -> None:
+    numbers = [0.1, 0.2, 0.3, 0.5]
+    numbers[place] = bad
+    out = limits.within(
+        Setpoint((numbers[0], numbers[1], numbers[2]), numbers[3]),
+        rate_max_rad_s=3.0,
+        yaw_rate_max_rad_s=1.0,
+        thrust_min=0.1,
+        thrust_max=0.9,
+        fallback_thrust=0.4,
+    )
+    assert out.rates_frd_rad_s == (0.0, 0.0, 0.0) and out.thrust == 0.4
