@@ -119,9 +119,9 @@ def test_a_reset_in_a_gap_of_the_telemetry_is_measured(circle, lost_samples):
 
 
 def test_motion_in_a_gap_is_not_taken_for_a_kind(circle):
-    """Half of the centripetal acceleration is known; a heading reset in a gap of 0.2 s stays a heading reset."""
+    """Half of the centripetal acceleration is known; a heading reset in a gap of 0.25 s stays a heading reset."""
     known = frames.scale(circle[100].position_m, -0.5)
-    after = [moved(m, yaw_rad=0.5, steps=1) for m in circle[119:]]
+    after = [moved(m, yaw_rad=0.5, steps=1) for m in circle[124:]]
     ((_, reset),) = resets(fly(circle[:100] + after, (known[0], known[1], 0.0)))
     assert reset.kinds == {"heading"}
 

@@ -6,9 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daemon import frames
-from daemon.estimation import estimator
+from daemon.estimation import ekf, estimator
 from daemon.estimation.estimator import EstimatorParameters
-from daemon.messages import ZERO3, Imu, MavFrame
+from daemon.estimation.fusion import FusionParameters, flight_filter
+from daemon.estimation.ukf import Unscented
+from daemon.messages import ZERO3, ExternalPose, Imu, MavFrame
 
 PARAMETERS = EstimatorParameters()
 
@@ -112,6 +114,33 @@ def test_an_unknown_variance_is_an_excess_and_leaves_no_trace_once_it_is_known(m
     assert estimate.quality.variance_growth_m2_s == pytest.approx(0.0)
 
 
+@pytest.mark.parametrize("predict", [ekf.predict, Unscented()])
+def test_the_filter_flies_through_resets_by_choice(circling, predict):
+    parameters = EstimatorParameters(fusion=FusionParameters(filter=flight_filter(predict)))
+    state = estimator.initial(parameters)
+    errors = []
+    for i in range(150):
+        m = circling(10.0 + 0.01 * i)
+        if i >= 100:
+            m = replace(m, position_m=frames.add(m.position_m, (11.0, 0.0, -2.0)), reset_counter=m.reset_counter + 2)
+        known = frames.scale((m.position_m[0] - (11.0 if i >= 100 else 0.0), m.position_m[1], 0.0), -1.0)
+        state, estimate = estimator.step(state, m, None, known, m.arrival_s, parameters=parameters)
+        errors.append(frames.norm(frames.subtract(estimate.newest.position_ned_m, m.position_m)))
+        assert all(c.refused is None for c in estimate.corrections)
+    assert estimate.shift.position_ned_m == pytest.approx((11.0, 0.0, -2.0), abs=0.01)
+    assert max(errors[20:]) < 0.05
+
+
+def test_a_pose_from_outside_counts_for_the_filter(message):
+    parameters = EstimatorParameters(fusion=FusionParameters())
+    state = estimator.initial(parameters)
+    for i in range(200):
+        m = message(1_000_000 + 10_000 * i)
+        pose = ExternalPose(m.arrival_s - 0.01, (0.3, 0.0, 0.0), None, (1e-4, 1e-4, 1e-4))
+        state, estimate = estimator.step(state, m, None, ZERO3, m.arrival_s, parameters=parameters, pose=pose)
+    assert 0.2 < estimate.newest.position_ned_m[0] <= 0.31
+
+
 @pytest.mark.parametrize(("variance", "excess"), [((0.04, 0.05, 0.08), False), ((0.04, 0.31, 0.08), True)])
 def test_a_variance_beyond_the_bound_is_flagged_at_once(message, variance, excess):
     state = estimator.initial(PARAMETERS)
@@ -142,14 +171,15 @@ telemetry = st.fixed_dictionaries(
 )
 
 
-@settings(deadline=None, max_examples=150)
+@pytest.mark.parametrize("parameters", [PARAMETERS, EstimatorParameters(fusion=FusionParameters())], ids=["own", "ekf"])
+@settings(deadline=None, max_examples=100)
 @given(stream=st.lists(st.tuples(telemetry, vector), max_size=12))
-def test_no_telemetry_makes_the_estimate_infinite(message, stream):
-    state = estimator.initial(PARAMETERS)
+def test_no_telemetry_makes_the_estimate_infinite(message, parameters, stream):
+    state = estimator.initial(parameters)
     now_s = 4.0
     for changes, acceleration in stream:
         now_s += 0.01
-        state, estimate = estimator.step(state, message(**changes), None, acceleration, now_s, parameters=PARAMETERS)
+        state, estimate = estimator.step(state, message(**changes), None, acceleration, now_s, parameters=parameters)
         if estimate.newest is not None:
             newest = estimate.newest
             numbers = (
