@@ -10,6 +10,7 @@ import json
 import math
 import struct
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -30,6 +31,7 @@ from daemon.messages import AutopilotStatus, FlightMode, Setpoint
 _POLL_S = 0.02
 _RETRY_S = 1.0
 _CLOSE_S = 0.8
+_REMEMBERED_LINES = 256
 _AUTOPILOT_COMPONENT = 1
 _PARAM_TYPES_BYTEWISE = {1: "<B", 2: "<b", 3: "<H", 4: "<h", 5: "<I", 6: "<i"}  # MAV_PARAM_TYPE, PX4 packs bytewise
 _SEND_ERRORS = (MavsdkError, RuntimeError, ValueError)
@@ -38,9 +40,25 @@ _log = logs.get("mavsdk")
 _LOG_METHODS = {LogLevel.DEBUG: "debug", LogLevel.INFO: "info", LogLevel.WARN: "warning", LogLevel.ERROR: "error"}
 
 
-def _log_line(level: LogLevel, text: str, _file: str | None, _line: int) -> bool:
-    getattr(_log, _LOG_METHODS[level])("mavsdk", text=text)
-    return True  # handled: MAVSDK does not print it
+class _MavsdkLog:
+    """Takes MAVSDK's log lines, from any thread; a line that repeats is written once in ``again_s``, with its count."""
+
+    def __init__(self, again_s: float = 10.0) -> None:
+        self._again_s = again_s
+        self._lock = threading.Lock()
+        self._lines: dict[str, tuple[float, int]] = {}
+
+    def __call__(self, level: LogLevel, text: str, _file: str | None, _line: int) -> bool:
+        now_s = time.monotonic()
+        with self._lock:
+            written_s, repeats = self._lines.get(text, (-math.inf, 0))
+            fresh = now_s - written_s >= self._again_s
+            if len(self._lines) >= _REMEMBERED_LINES:
+                self._lines.clear()
+            self._lines[text] = (now_s, 0) if fresh else (written_s, repeats + 1)
+        if fresh:
+            getattr(_log, _LOG_METHODS[level])("mavsdk", text=text, **({"repeats": repeats} if repeats else {}))
+        return True  # handled: MAVSDK does not print it
 
 
 class _Wire:
@@ -107,7 +125,7 @@ class MavsdkLink(SessionLink):
     """
 
     def __init__(self, url: str, *, link_timeout_s: float = 0.5) -> None:
-        log_subscribe(_log_line)
+        log_subscribe(_MavsdkLog())
         self._configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
         own_ids = (self._configuration.system_id, self._configuration.component_id)
         params = SessionParams(link_timeout_s=link_timeout_s, system_id=own_ids[0], component_id=own_ids[1])
@@ -190,18 +208,19 @@ class MavsdkLink(SessionLink):
 
     def _flush_session(self) -> None:
         wire = self._wire
-        for message in self.session.take_outgoing():
-            if wire is None or not wire.send(message):
-                _log.warning("message not sent", name=message[0])
+        messages = self.session.take_outgoing()
+        failed = [message[0] for message in messages if wire is None or not wire.send(message)]
+        if failed:
+            _log.warning("messages not sent", names=failed)
 
     def _callback(self, name: str) -> Callable[[MavlinkMessage, Any], None]:
         loop, receive_sample = self._loop, self.session.receive_sample
         assert loop is not None
-        time = loop.time
+        now = loop.time
         is_sample = name in SAMPLES
 
         def on_message(message: MavlinkMessage, _user_data: Any) -> None:
-            arrival_s = time()
+            arrival_s = now()
             if message.component_id != _AUTOPILOT_COMPONENT:
                 return
             fields: Fields = json.loads(message.fields_json)

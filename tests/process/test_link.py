@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 import structlog
 
-from daemon.autopilot.mavsdk_link import MavsdkLink
+from daemon.autopilot import mavsdk_link
+from daemon.autopilot.mavsdk_link import LogLevel, MavsdkLink
 from daemon.autopilot.port import Command, CommandKind, CommandRefusedError, NotConnectedError
 from daemon.autopilot.streams import STREAMS
 from daemon.messages import FlightMode, LandedState, Setpoint
@@ -251,3 +252,20 @@ async def test_a_connection_that_cannot_be_opened_is_tried_again_and_ends_cleanl
         async with running(link) as task:
             await until(lambda: sum(line["event"] == "connection failed, trying again" for line in lines) >= 2)
             assert not task.done()
+
+
+def test_a_line_that_mavsdk_repeats_is_logged_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = 100.0
+    monkeypatch.setattr(mavsdk_link.time, "monotonic", lambda: now_s)
+    log = mavsdk_link._MavsdkLog()
+    with structlog.testing.capture_logs() as lines:
+        for _ in range(50):
+            assert log(LogLevel.ERROR, "Sending message failed", None, 0)
+        log(LogLevel.WARN, "another", None, 0)
+        now_s += 11.0
+        log(LogLevel.ERROR, "Sending message failed", None, 0)
+    assert [(line["text"], line["log_level"], line.get("repeats")) for line in lines] == [
+        ("Sending message failed", "error", None),
+        ("another", "warning", None),
+        ("Sending message failed", "error", 49),
+    ]
