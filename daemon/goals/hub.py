@@ -18,7 +18,7 @@ MAX_JOBS = 1000
 NEVER_S = float("inf")
 SLACK_S = 0.002
 TOPICS = ("state", "reference", "setpoint", "goal", "plan", "health", "loops", "events")
-UNTHINNED = ("plan", "events")
+UNTHINNED = ("events",)
 
 
 class Subscriber(Protocol):
@@ -84,7 +84,7 @@ class Hub:
         return due_s != NEVER_S and asyncio.get_running_loop().time() >= due_s - SLACK_S
 
     def publish(self, topic: str, payload: Mapping[str, Any]) -> None:
-        """Send ``telemetry.<topic>`` to its subscribers, thinned to their rates (plan and events go to all)."""
+        """Send ``telemetry.<topic>`` to its subscribers, thinned to their rates (events go to all)."""
         if not self._gates[topic] or not (topic in UNTHINNED or self.wants(topic)):
             return
         thinned = topic not in UNTHINNED

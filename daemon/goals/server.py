@@ -47,7 +47,7 @@ class GoalServer:
         self._accepting: set[asyncio.Task[object]] = set()
         self._listener: Listener | None = None
 
-    def start(self, listener: Listener) -> None:
+    async def start(self, listener: Listener) -> None:
         """Begin to serve."""
         loop = asyncio.get_running_loop()
         self._listener = listener

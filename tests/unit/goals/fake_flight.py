@@ -190,7 +190,7 @@ async def serving(path: Path, *, observers=False, prefix="g", **fake):
     hub = Hub(prefix)
     flight = FakeFlight(hub, **fake)
     server = (ObserverServer if observers else GoalServer)(flight, hub, Operators())
-    server.start(await listen(path))
+    await server.start(await listen(path))
     flight.server = server
     try:
         yield flight
