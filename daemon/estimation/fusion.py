@@ -50,6 +50,7 @@ class FusionParameters:
 
     ``odometry_axes``: update vector over position, roll-pitch-yaw, velocity, rates. Leave its position out when poses
     from outside shall rule alone. ``restart_s``: when no odometry was accepted for so long, the filter starts anew.
+    ``history_s``: how late a pose may come; each sample that it is late costs a replay, as much as a sample taken.
     """
 
     filter: FilterParameters = field(default_factory=flight_filter)
