@@ -9,6 +9,8 @@ from daemon.estimation.slide import SETTLED, SlideParameters, SlideState
 from daemon.frames import add, norm
 from daemon.messages import ZERO3, Reset, Vec3
 
+_SHORTEST_S = 1e-3  # between two samples of a clock that was set anew
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
@@ -44,25 +46,24 @@ def compared(
     so are their frames, and the new one is taken as the truth. ``reset.time_s`` is the arrival, loop clock.
     """
     dt = after.arrival_s - before.arrival_s if clock_set else (after.stamp_us - before.stamp_us) * 1e-6
-    dt = max(dt, 1e-3)
+    dt = max(dt, _SHORTEST_S)
     steps = (after.reset_counter - before.reset_counter) % 256
     gap = rebooted or dt > resets.gap_s
-    if gap and not steps and not rebooted:
-        return Outcome(SETTLED, name="regained")
     found = reset_tracker.innovation(before, after, ZERO3 if gap else acceleration_ned_m_s2, min(dt, resets.gap_s))
-    if gap:
-        reset = reset_tracker.identified(
-            found, after.arrival_s, before.position_variance_m2, lost=True, parameters=resets
-        )
+    if gap and (steps or rebooted):
+        variance = before.position_variance_m2
+        reset = reset_tracker.identified(found, after.arrival_s, variance, lost=True, parameters=resets)
         return Outcome(SETTLED, None, False, reset, "reset", "after_gap", steps)
+    if gap and memory.refused is None:
+        return Outcome(SETTLED, name="regained")
     if steps:
         return _announced(memory, before, after, found, steps, resets)
-    if slide.jumps(found, parameters=slides):
-        return _unannounced(memory, before, after, found, acceleration_ned_m_s2, resets, slides)
+    if gap or slide.jumps(found, parameters=slides):
+        return _unannounced(memory, before, after, found, gap, acceleration_ned_m_s2, resets, slides)
     following = slide.followed(memory, found, parameters=slides)
     if norm(following.excess_ned_m) > slides.excess_max_m:
         excess = Innovation(found.dt_s, following.excess_ned_m, ZERO3, 0.0)
-        return _fast_slide(excess, before, after, resets)
+        return _fast_slide(excess, before, after, False, resets)
     return Outcome(following, found)
 
 
@@ -81,11 +82,12 @@ def _unannounced(
     before: Sample,
     after: Sample,
     found: Innovation,
+    gap: bool,
     acceleration_ned_m_s2: Vec3,
     resets: ResetParameters,
     slides: SlideParameters,
 ) -> Outcome:
-    """A jump without a counter: refused until enough samples follow from each other."""
+    """A jump without a counter: refused, for however long, until enough samples follow from each other."""
     agreeing = 1
     if memory.refused is not None:
         dt = (after.stamp_us - memory.refused.stamp_us) * 1e-6
@@ -97,10 +99,11 @@ def _unannounced(
     total = Innovation(
         found.dt_s, add(found.position_ned_m, memory.excess_ned_m), found.velocity_ned_m_s, found.yaw_rad
     )
-    return _fast_slide(total, before, after, resets)
+    return _fast_slide(total, before, after, gap, resets)
 
 
-def _fast_slide(found: Innovation, before: Sample, after: Sample, resets: ResetParameters) -> Outcome:
-    """The estimate moved by itself: a reset that nobody announced."""
-    reset = reset_tracker.identified(found, after.arrival_s, before.position_variance_m2, parameters=resets)
-    return Outcome(SETTLED, None, False, reset, "fast_slide")
+def _fast_slide(found: Innovation, before: Sample, after: Sample, gap: bool, resets: ResetParameters) -> Outcome:
+    """The estimate moved by itself: a reset that nobody announced. After a gap nobody can say by how much."""
+    variance = before.position_variance_m2
+    reset = reset_tracker.identified(found, after.arrival_s, variance, lost=gap, parameters=resets)
+    return Outcome(SETTLED, None, False, reset, "fast_slide", "after_gap" if gap else "")

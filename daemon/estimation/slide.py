@@ -3,6 +3,7 @@
 A jump beyond the gate is refused, and coasted over; when the refused samples agree with each other, it is the estimate
 that moved, and it is taken as a reset (a fast slide). Below the gate the position is followed, its excess over the
 prediction at a bounded rate (a slow slide); when the excess outgrows what that rate can take, it is a fast slide too.
+Velocity and heading below the gate pass as they are: the laws' own limits bound what they can do.
 """
 
 from dataclasses import dataclass

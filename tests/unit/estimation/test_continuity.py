@@ -193,8 +193,18 @@ def test_a_single_outlier_is_refused_and_flown_over(circle, jump):
 
 
 def test_outliers_that_disagree_are_all_refused(circle):
-    samples = [moved(m, position=(float(5 + i * i), 0.0, 0.0)) if i > 0 else m for i, m in enumerate(circle[:30])]
-    assert [e.refused for e in fly(samples)][1:] == ["jump_without_reset"] * 29
+    """Also after they lasted for longer than any prediction: silence is forgiven, nonsense is not."""
+    samples = [moved(m, position=(float(5 + i * i), 0.0, 0.0)) if i > 0 else m for i, m in enumerate(circle[:100])]
+    assert [e.refused for e in fly(samples)][1:] == ["jump_without_reset"] * 99
+
+
+def test_sense_after_lasting_nonsense_is_a_new_frame(circle):
+    samples = [moved(m, position=(float(5 + i * i), 0.0, 0.0)) if i > 0 else m for i, m in enumerate(circle[:100])]
+    estimates = fly(samples + circle[100:])
+    ((index, event),) = events(estimates)
+    assert index == 102
+    assert (event.name, event.cause) == ("fast_slide", "after_gap")
+    assert event.reset.truth_returned
 
 
 @pytest.mark.parametrize("jump", [{"position": (2.0, 0.0, 0.0)}, {"velocity": (0.0, 1.5, 0.0)}, {"yaw_rad": 0.3}])
