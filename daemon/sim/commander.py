@@ -138,6 +138,11 @@ class Commander:
         self._intend(mode)
         return True
 
+    def pilot_switches_to(self, mode: FlightMode) -> None:
+        """A pilot's switch: as a command without acknowledgement, after a look at what is available now."""
+        self._check()
+        self.request_mode(mode)
+
     def _intend(self, mode: FlightMode) -> None:
         self.intended = mode
         if mode not in _PASSING:

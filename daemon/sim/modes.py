@@ -18,6 +18,7 @@ _MODES: dict[FlightMode, tuple[int, int, int, int]] = {
 }
 _BY_NUMBERS = {numbers[:2]: mode for mode, numbers in _MODES.items()}
 ARMED_BIT = 128
+ALL_MODES = tuple(_MODES)
 
 MANUAL_MODES = frozenset(
     (FlightMode.MANUAL, FlightMode.ALTITUDE, FlightMode.POSITION, FlightMode.ACRO, FlightMode.STABILIZED)

@@ -14,7 +14,10 @@ from daemon.sim.announcer import Announcer
 from daemon.sim.battery import BatteryState
 from daemon.sim.commander import Commander
 from daemon.sim.estimator import BOOT_RESETS, Estimator
+from daemon.sim.fault_board import FaultBoard
+from daemon.sim.faults import Fault
 from daemon.sim.flight_tasks import FlightTasks
+from daemon.sim.link_faults import LinkFaults
 from daemon.sim.noise import normals
 from daemon.sim.parameters import Parameters
 from daemon.sim.rate_control import RateLoop
@@ -81,6 +84,8 @@ class SimulatedPx4:
         self.simulated_us = 0
         self._outgoing: list[tuple[str, Fields]] = []
         self.clock_offset_us = 0
+        self.links = {"up": LinkFaults(normals(seed + 2)), "down": LinkFaults(normals(seed + 3))}
+        self.faults = FaultBoard(self)
         self._boot(round(booted_for_s * 1e6))
 
     # -- the interface of the transports
@@ -102,17 +107,35 @@ class SimulatedPx4:
 
     def receive(self, name: str, fields: Fields, *, sender_system: int = 1, sender_component: int = 195) -> None:
         """A decoded MAVLink message arrives."""
-        self.receiver.receive(name, fields, (sender_system, sender_component))
+        message = (name, fields, (sender_system, sender_component))
+        link = self.links["up"]
+        if link.is_perfect:
+            self.receiver.receive(*message)
+        else:
+            link.send(message, self.simulated_us)
 
     def take_outgoing(self) -> list[tuple[str, Fields]]:
         """What was sent since the last call, oldest first."""
         taken, self._outgoing = self._outgoing, []
-        return taken
+        link = self.links["down"]
+        if link.is_perfect:
+            return taken
+        for name, fields in taken:
+            link.send((name, fields, (self.system_id, 1)), self.simulated_us)
+        return [(name, fields) for name, fields, _ in link.arrived(self.simulated_us)]
+
+    def inject(self, fault: Fault) -> None:
+        """Begin a fault now. Raises ValueError when it does not fit this vehicle."""
+        self.faults.inject(fault)
 
     def step(self) -> None:
         """Advance by 4 ms: physics, sensors, controllers, commander, streams."""
         self.simulated_us += STEP_US
         self._steps += 1
+        self.faults.step(self.simulated_us)
+        if not self.links["up"].is_perfect:
+            for message in self.links["up"].arrived(self.simulated_us):
+                self.receiver.receive(*message)
         self._fly()
         if self._steps % _ESTIMATOR_STEPS == 0:
             self._estimate()
@@ -160,6 +183,11 @@ class SimulatedPx4:
     def send(self, name: str, fields: Fields) -> None:
         """Queue a message to the link."""
         self._outgoing.append((name, fields))
+
+    def pilot_switches_to(self, mode: FlightMode) -> None:
+        """A pilot's mode switch."""
+        self._look()
+        self.commander.pilot_switches_to(mode)
 
     def reboot(self) -> None:
         """Start anew: clock at zero, disarmed, streams and estimator as after power-up."""
@@ -249,18 +277,8 @@ class SimulatedPx4:
 
     def _command(self) -> None:
         """The commander's turn."""
-        commander, seen = self.commander, self.commander.inputs
-        self.announcer.time_boot_ms = self.time_us // 1000
-        hover = self.airframe.hover_thrust
-        seen.on_ground = self.truth.on_ground
-        seen.thrust_share = self.setpoint.thrust / hover if isfinite(self.setpoint.thrust) else 0.0
-        seen.position_valid = self.position_valid
-        seen.heading_stable = self.heading_stable
-        seen.compass_fault = self.estimator.heading_fault
-        seen.task_finished = self.tasks.finished
-        seen.battery_fraction = self.battery.fraction
-        seen.setpoint_age_s = self.receiver.setpoint_age_s
-        seen.sticks_age_s = self.receiver.sticks_age_s
+        commander = self.commander
+        self._look()
         was_armed = commander.armed
         commander.tick(_COMMANDER_US * 1e-6)
         if commander.armed != was_armed:
@@ -273,7 +291,7 @@ class SimulatedPx4:
         self.battery.step(
             _COMMANDER_US * 1e-6,
             commander.armed,
-            seen.thrust_share,
+            commander.inputs.thrust_share,
             self.parameters["SIM_BAT_DRAIN"],
             0.01 * self.parameters["SIM_BAT_MIN_PCT"] if self.parameters["SIM_BAT_DRAIN"] > 0.0 else 0.0,
         )
@@ -281,6 +299,21 @@ class SimulatedPx4:
         if commander.changed or self._steps % _STATUS_STEPS < 3:
             commander.changed = False
             self.streams.stale.discard("CURRENT_MODE")
+
+    def _look(self) -> None:
+        """What the commander sees."""
+        seen = self.commander.inputs
+        self.announcer.time_boot_ms = self.time_us // 1000
+        hover = self.airframe.hover_thrust
+        seen.on_ground = self.truth.on_ground
+        seen.thrust_share = self.setpoint.thrust / hover if isfinite(self.setpoint.thrust) else 0.0
+        seen.position_valid = self.position_valid
+        seen.heading_stable = self.heading_stable
+        seen.compass_fault = self.estimator.heading_fault
+        seen.task_finished = self.tasks.finished
+        seen.battery_fraction = self.battery.fraction
+        seen.setpoint_age_s = self.receiver.setpoint_age_s
+        seen.sticks_age_s = self.receiver.sticks_age_s
 
     def _set_home(self) -> None:
         estimate = self.estimator.estimate
@@ -298,7 +331,11 @@ class SimulatedPx4:
         now_us = self.time_us
         for name in self.streams.due(self.simulated_us):
             sample = self._newest(now_us - (_ATTITUDE_AGE_US if name in _FAST else _ODOMETRY_AGE_US))
-            self.send(name, telemetry.MESSAGES[name](self, sample))
+            fields: Fields | None = telemetry.MESSAGES[name](self, sample)
+            if name in self.faults.spoilt and fields is not None:
+                fields = self.faults.spoil(name, fields)
+            if fields is not None:
+                self.send(name, fields)
             if name == "CURRENT_MODE":
                 self.streams.stale.add(name)
 

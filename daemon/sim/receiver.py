@@ -48,6 +48,7 @@ class Receiver:
         self._setpoint: tuple[Quat | None, Setpoint] = (None, Setpoint((0.0, 0.0, 0.0), 0.0))
         self._setpoint_us: int | None = None
         self._sticks_us: int | None = None
+        self._pilot = False
         self._echo: list[tuple[int, str]] = []
 
     @property
@@ -57,7 +58,9 @@ class Receiver:
 
     @property
     def sticks_age_s(self) -> float:
-        """Since the last MANUAL_CONTROL; infinite before the first."""
+        """Since the last MANUAL_CONTROL; infinite before the first, zero while a pilot has the sticks."""
+        if self._pilot:
+            return 0.0
         return inf if self._sticks_us is None else (self._px4.simulated_us - self._sticks_us) * 1e-6
 
     def offboard_setpoint(self, estimate: Estimate) -> Setpoint:
@@ -75,6 +78,11 @@ class Receiver:
         handler = _HANDLERS.get(name)
         if handler is not None:
             handler(self, fields, sender)
+
+    def pilot_holds(self, sticks: Sticks) -> None:
+        """A pilot's own remote control, always there from now on."""
+        self._pilot = True
+        self._px4.tasks.sticks = sticks
 
     def echo_parameters(self) -> None:
         """PX4 sends a parameter that was set a second time, about 20 ms later."""

@@ -1,0 +1,98 @@
+"""Faults at work on one vehicle: begun at run time or by schedule, ended after their duration or when cleared."""
+
+from collections.abc import Iterable
+from heapq import heappop, heappush
+from math import nan
+from typing import TYPE_CHECKING
+
+from daemon.sim.faults import FAULTS, Fault, ScheduledFault
+from daemon.sim.telemetry import Fields
+
+if TYPE_CHECKING:
+    from daemon.sim.px4 import SimulatedPx4
+
+_STAMPS = ("time_usec", "time_boot_ms")
+
+
+class FaultBoard:
+    """``spoilt`` maps names of messages to what happens to them: frozen, stuck, nan or stopped."""
+
+    def __init__(self, px4: "SimulatedPx4") -> None:
+        self._px4 = px4
+        self._plan: list[tuple[int, int, bool, Fault]] = []
+        self._count = 0
+        self.active: list[Fault] = []
+        self.spoilt: dict[str, str] = {}
+        self._frozen: dict[str, Fields] = {}
+
+    def inject(self, fault: Fault) -> None:
+        """Begin a fault now. Raises ValueError when it does not fit this vehicle."""
+        fault.check(self._px4)
+        self._begin(fault)
+
+    def schedule(self, faults: Iterable[ScheduledFault]) -> None:
+        """Plan faults by simulated time since the start. Raises ValueError when one does not fit this vehicle."""
+        planned = list(faults)
+        for entry in planned:
+            entry.fault.check(self._px4)
+        for entry in planned:
+            self._plan_at(round(entry.at_s * 1e6), True, entry.fault)
+
+    def clear(self, name: str | None = None) -> int:
+        """End the active faults of a name, or all; how many there were. Raises ValueError for an unknown name."""
+        if name is not None and name not in FAULTS:
+            raise ValueError(f"fault: {name!r} is none of {', '.join(FAULTS)}")
+        chosen = [fault for fault in self.active if name is None or type(fault) is FAULTS[name]]
+        for fault in chosen:
+            self._end(fault)
+        return len(chosen)
+
+    def step(self, now_us: int) -> None:
+        """Begin and end what is due."""
+        while self._plan and self._plan[0][0] <= now_us:
+            _, _, begins, fault = heappop(self._plan)
+            if begins:
+                self._begin(fault)
+            elif any(fault is other for other in self.active):
+                self._end(fault)
+
+    def spoil(self, name: str, fields: Fields) -> Fields | None:
+        """What becomes of a message; None when it is not sent."""
+        what = self.spoilt[name]
+        if what == "stopped":
+            return None
+        if what == "nan":
+            return {key: _nan(value) for key, value in fields.items()}
+        frozen = self._frozen.setdefault(name, fields)
+        if what == "stuck":
+            return dict(frozen)
+        return {**frozen, **{key: fields[key] for key in _STAMPS if key in fields}}
+
+    def mend(self, names: Iterable[str]) -> None:
+        """These messages are themselves again."""
+        for name in names:
+            self.spoilt.pop(name, None)
+            self._frozen.pop(name, None)
+
+    def _plan_at(self, time_us: int, begins: bool, fault: Fault) -> None:
+        self._count += 1
+        heappush(self._plan, (time_us, self._count, begins, fault))
+
+    def _begin(self, fault: Fault) -> None:
+        fault.begin(self._px4)
+        if fault.lasts:
+            self.active.append(fault)
+            if fault.duration_s is not None:
+                self._plan_at(self._px4.simulated_us + round(fault.duration_s * 1e6), False, fault)
+
+    def _end(self, fault: Fault) -> None:
+        self.active = [other for other in self.active if other is not fault]
+        fault.end(self._px4)
+
+
+def _nan(value: object) -> object:
+    if isinstance(value, float):
+        return nan
+    if isinstance(value, list) and value and isinstance(value[0], float):
+        return [nan] * len(value)
+    return value
