@@ -23,7 +23,7 @@ from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
 from mavsdk.system import System
 
 from daemon import logs
-from daemon.autopilot.px4 import SET_ATTITUDE_TARGET_RATES_MASK, Fields, Message
+from daemon.autopilot.px4 import SET_ATTITUDE_TARGET_RATES_MASK, Fields, Message, is_sendable
 from daemon.autopilot.session import SAMPLES, Px4Session, SessionParams
 from daemon.autopilot.session_link import SessionLink
 from daemon.messages import AutopilotStatus, FlightMode, Setpoint
@@ -105,11 +105,10 @@ class _Wire:
 
     def send_setpoint(self, setpoint: Setpoint) -> bool:
         """Send SET_ATTITUDE_TARGET; a number that is not finite is never sent."""
-        roll, pitch, yaw = setpoint.rates_frd_rad_s
-        thrust = setpoint.thrust
-        if not math.isfinite(roll + pitch + yaw + thrust):
+        if not is_sendable(setpoint):
             return False
-        return self.send_json("SET_ATTITUDE_TARGET", self._setpoint_json % (roll, pitch, yaw, thrust))
+        values = (*setpoint.rates_frd_rad_s, setpoint.thrust)
+        return self.send_json("SET_ATTITUDE_TARGET", self._setpoint_json % values)
 
     def cut(self) -> None:
         """No send begins after this, and none is under way."""

@@ -4,7 +4,7 @@ Field names are those of the MAVLink definition. Angles and rates in raw message
 command means "not given" (MAVLink command protocol).
 """
 
-from math import nan
+from math import isfinite, nan
 from typing import Any
 
 from daemon.autopilot.port import Command, CommandKind
@@ -107,6 +107,11 @@ def encode_command(command: Command) -> Message:
 
 
 SET_ATTITUDE_TARGET_RATES_MASK = 128  # ATTITUDE_IGNORE: body rates and thrust are what counts
+
+
+def is_sendable(setpoint: Setpoint) -> bool:
+    """False for a setpoint with a number that is not finite: PX4 stops the motors on a NaN thrust."""
+    return isfinite(sum(setpoint.rates_frd_rad_s) + setpoint.thrust)
 
 
 def attitude_target(setpoint: Setpoint) -> Message:

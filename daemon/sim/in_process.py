@@ -4,11 +4,10 @@ Nothing is encoded; the messages are those of the wire, and the session that rea
 """
 
 import asyncio
-from collections import deque
 from collections.abc import Callable
 from typing import Protocol
 
-from daemon.autopilot.px4 import Fields, Message, attitude_target
+from daemon.autopilot.px4 import Fields, Message, attitude_target, is_sendable
 from daemon.autopilot.session import Px4Session, SessionParams
 from daemon.autopilot.session_link import SessionLink
 from daemon.messages import FlightMode, Setpoint
@@ -18,7 +17,6 @@ _LARGEST_CATCH_UP = 250  # steps: a loop that stalled for longer than a second d
 _POLL_STEPS = 5
 _HEARTBEAT_STEPS = 250
 _OURS = SessionParams(system_id=1, component_id=195)  # as MAVSDK's companion
-_TIME_EPSILON_S = 1e-6  # rounding of sums of times
 _HEARTBEAT: Message = (
     "HEARTBEAT",
     {"type": 18, "autopilot": 8, "base_mode": 0, "custom_mode": 0, "system_status": 0, "mavlink_version": 3},
@@ -39,26 +37,11 @@ class SteppedPx4(Protocol):
 
 
 class InProcessAutopilot(SessionLink):
-    """Implements ``Autopilot``. Delays are in seconds and act in steps of 4 ms; ``run`` must be running.
+    """Implements ``Autopilot``; ``run`` must be running. Delays and losses are the simulated PX4's own affair."""
 
-    ``cut`` True cuts the wire: time goes on for the vehicle, nothing passes either way.
-    """
-
-    def __init__(
-        self,
-        px4: SteppedPx4,
-        *,
-        downlink_delay_s: float = 0.0,
-        uplink_delay_s: float = 0.0,
-        params: SessionParams | None = None,
-    ) -> None:
+    def __init__(self, px4: SteppedPx4, *, params: SessionParams | None = None) -> None:
         super().__init__(Px4Session(params or _OURS), self._flush_session)
         self.px4 = px4
-        self.downlink_delay_s = downlink_delay_s
-        self.uplink_delay_s = uplink_delay_s
-        self.cut = False
-        self._downlink: deque[tuple[float, Message]] = deque()
-        self._uplink: deque[tuple[float, Message]] = deque()
         self._steps = 0
         self._time: Callable[[], float] = lambda: 0.0
 
@@ -90,10 +73,10 @@ class InProcessAutopilot(SessionLink):
             handle.cancel()
 
     def send_setpoint(self, setpoint: Setpoint) -> bool:
-        """Send one body-rate setpoint now; False when there is no autopilot."""
-        if not self.status.value.connected:
+        """Send one body-rate setpoint now; False when there is no autopilot or it is not finite."""
+        if not self.status.value.connected or not is_sendable(setpoint):
             return False
-        self._send(attitude_target(setpoint))
+        self.px4.receive(*attitude_target(setpoint))
         return True
 
     def request_mode(self, mode: FlightMode) -> bool:
@@ -102,23 +85,15 @@ class InProcessAutopilot(SessionLink):
         if message is None:
             return False
         self.session.mode_requested(mode, self._time())
-        self._send(message)
+        self.px4.receive(*message)
         return True
 
     def _advance(self, now_s: float) -> None:
-        uplink, downlink, px4 = self._uplink, self._downlink, self.px4
-        px4.step()  # the step that ends now; what arrives now acts from here on
+        self.px4.step()
         self._steps += 1
-        while uplink and uplink[0][0] <= now_s + _TIME_EPSILON_S:
-            px4.receive(*uplink.popleft()[1])
         if self._steps % _HEARTBEAT_STEPS == 1:
-            self._send(_HEARTBEAT)
-        outgoing = px4.take_outgoing()
-        if outgoing and not self.cut:
-            arrival_s = now_s + self.downlink_delay_s
-            downlink.extend((arrival_s, message) for message in outgoing)
-        while downlink and downlink[0][0] <= now_s + _TIME_EPSILON_S:
-            name, fields = downlink.popleft()[1]
+            self.px4.receive(*_HEARTBEAT)
+        for name, fields in self.px4.take_outgoing():
             self.session.receive(name, fields, now_s)
         if self._steps % _POLL_STEPS == 0:
             self.session.poll(now_s)
@@ -126,12 +101,4 @@ class InProcessAutopilot(SessionLink):
 
     def _flush_session(self) -> None:
         for message in self.session.take_outgoing():
-            self._send(message)
-
-    def _send(self, message: Message) -> None:
-        if self.cut:
-            return
-        if self.uplink_delay_s > 0.0:
-            self._uplink.append((self._time() + self.uplink_delay_s, message))
-        else:
             self.px4.receive(*message)
