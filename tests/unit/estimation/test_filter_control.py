@@ -34,6 +34,7 @@ def velocity(vx):
         (0.0, 5.0, 1.0),  # limit of acceleration
         (1.0, 0.5, -0.5),  # slowing down to something: gain of deceleration
         (5.0, 0.0, -1.3),  # limit of deceleration
+        (-0.005, 1.0, 0.804),  # within the margin of noise about standstill: still speeding up
         (1.0, -1.0, -1.3),  # other way: down to zero first
     ],
 )

@@ -45,8 +45,8 @@ def test_angles_come_out_wrapped():
     assert project(x, 0.1)[Member.YAW] == pytest.approx(3.2 - 2 * pi, abs=1e-12)
 
 
-def test_at_the_pole_of_pitch_everything_stays_finite():
+def test_at_the_pole_of_pitch_everything_stays_moderate():
     x = [0.3] * 15
     x[Member.PITCH] = 0.5 * pi
-    assert np.isfinite(project(x, 0.01)).all()
-    assert np.isfinite(jacobian(x, 0.01)).all()
+    assert np.abs(project(x, 0.01)).max() < 10.0
+    assert np.abs(jacobian(x, 0.01)).max() < 1e5
