@@ -87,7 +87,7 @@ async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Li
     )
     tasks = asyncio.ensure_future(vehicle.run())
     dead_man.start()
-    server.start(listener)
+    await server.start(listener)
     gc.collect()
     gc.freeze()
     notify("READY=1\nSTATUS=waiting for the autopilot")
