@@ -55,4 +55,4 @@ def _answer(line: bytes, handler: Handler) -> dict[str, Any]:
             return {"error": "a request is a JSON object"}
         return handler(request)
     except (ValueError, TypeError, KeyError) as error:
-        return {"error": f"{type(error).__name__}: {error}"}
+        return {"error": str(error)}
