@@ -44,7 +44,7 @@ class Verdict(Enum):
     REPEATED = "repeated"
     AHEAD = "ahead"
     STEPPED = "stepped"
-    REBOOTED = "rebooted"
+    SET_BACK = "set_back"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +78,7 @@ def observe(
 ) -> tuple[ClockState, Verdict]:
     """The clock after a message stamped ``stamp_us`` came at ``arrival_s``, and what to think of the stamp.
 
-    STEPPED and REBOOTED: the stamp is good by a clock that has just been set anew.
+    STEPPED and SET_BACK: the stamp is good by a clock that has just been set anew, by a reboot perhaps.
     """
     observed = arrival_s - stamp_us * 1e-6
     if state is None:
@@ -109,7 +109,7 @@ def _candidate(
     if not apart:
         count = 0
     if count >= parameters.step_samples:
-        verdict = Verdict.REBOOTED if stamp_us < state.stamp_us and lag > parameters.ahead_s else Verdict.STEPPED
+        verdict = Verdict.SET_BACK if stamp_us < state.stamp_us and lag > parameters.ahead_s else Verdict.STEPPED
         return started(stamp_us, min(first, observed), state.drift, state.slopes), verdict
     waiting = ClockState(
         state.stamp_us,

@@ -36,24 +36,26 @@ def compared(
     acceleration_ned_m_s2: Vec3,
     *,
     clock_set: bool,
-    rebooted: bool,
+    set_back: bool,
     resets: ResetParameters,
     slides: SlideParameters,
 ) -> Outcome:
     """Judge ``after``, which came next to ``before``.
 
-    ``clock_set``: the stamps of the two are of different clocks, arrivals tell the time between them. ``rebooted``:
-    so are their frames, and the new one is taken as the truth. ``reset.time_s`` is the arrival, loop clock.
+    ``clock_set``: the stamps of the two are of different clocks, arrivals tell the time between them. ``set_back``:
+    to an earlier time; unless the sample continues the one before, the autopilot has rebooted, and its new frame is
+    the truth. ``reset.time_s`` is the arrival, loop clock.
     """
     dt = after.arrival_s - before.arrival_s if clock_set else (after.stamp_us - before.stamp_us) * 1e-6
     dt = max(dt, _SHORTEST_S)
     steps = (after.reset_counter - before.reset_counter) % 256
-    gap = rebooted or dt > resets.gap_s
+    gap = dt > resets.gap_s
     found = reset_tracker.innovation(before, after, ZERO3 if gap else acceleration_ned_m_s2, min(dt, resets.gap_s))
-    if gap and (steps or rebooted):
+    rebooted = set_back and (gap or steps > 0 or slide.jumps(found, parameters=slides))
+    if rebooted or (gap and steps):
         variance = before.position_variance_m2
         reset = reset_tracker.identified(found, after.arrival_s, variance, lost=True, parameters=resets)
-        return Outcome(SETTLED, None, False, reset, "reset", "after_gap", steps)
+        return Outcome(SETTLED, None, False, reset, "reset", "rebooted" if rebooted else "after_gap", steps)
     if gap and memory.refused is None:
         return Outcome(SETTLED, name="regained")
     if steps:

@@ -26,7 +26,7 @@ class IntakeParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Event:
-    """Something to tell: ``reset``, ``fast_slide``, ``regained``, ``clock_stepped``, ``autopilot_rebooted``.
+    """Something to tell: ``reset``, ``fast_slide``, ``regained``, ``clock_stepped``.
 
     ``cause`` says more where a name is not enough: the reset's ambiguity (see ``reset_tracker``).
     ``reset`` has the kinds and deltas, ``counter_steps`` how often the autopilot counted.
@@ -70,7 +70,6 @@ _STAMP_REFUSALS = {
     Verdict.REPEATED: Refusal.STAMP_REPEATED,
     Verdict.AHEAD: Refusal.STAMP_AHEAD,
 }
-_CLOCK_EVENTS = {Verdict.STEPPED: "clock_stepped", Verdict.REBOOTED: "autopilot_rebooted"}
 
 
 def take(
@@ -98,13 +97,13 @@ def take(
             sample,
             acceleration_ned_m_s2,
             clock_set=verdict is not Verdict.GOOD,
-            rebooted=verdict is Verdict.REBOOTED,
+            set_back=verdict is Verdict.SET_BACK,
             resets=parameters.reset,
             slides=parameters.slide,
         )
     if outcome.refused:
         return _refused(state, odometry, Refusal.JUMP_WITHOUT_RESET, ticking, outcome.slide, now_s, parameters)
-    events: tuple[Event, ...] = (Event(_CLOCK_EVENTS[verdict], now_s),) if verdict in _CLOCK_EVENTS else ()
+    events: tuple[Event, ...] = () if verdict is Verdict.GOOD else (Event("clock_stepped", now_s),)
     if outcome.name:
         events += (Event(outcome.name, now_s, outcome.cause, outcome.reset, outcome.counter_steps),)
     return _accepted(state, odometry, sample, ticking, outcome, parameters), Taken(outcome.reset, None, events)

@@ -8,6 +8,7 @@ prediction is named a kind. What cannot be told apart, and is named by ``ambigui
   (position resets of PX4 always count height and velocity that hardly move), or one kind was reset several times;
 - ``kinds_beyond_steps``: more kinds are seen than the counter stepped: another EKF instance took over;
 - ``none_seen``: the counter stepped and nothing moved by more than the noise;
+- ``rebooted``: the autopilot's clock was set back and nothing fits: all numbers are new;
 - ``after_gap``: the telemetry was silent for so long that motion and reset cannot be separated.
 
 A reset of position from a correction of position (an origin that was moved, GPS that returned) only by the policy:

@@ -80,12 +80,12 @@ def test_a_simulation_that_stood_still_costs_three_samples():
     assert verdicts[450][1] == pytest.approx(samples[450][2] + 0.12, abs=0.008)
 
 
-def test_a_long_halt_of_the_simulation_is_no_reboot():
+def test_a_long_halt_of_the_simulation_sets_no_clock_back():
     samples = list(flight(600))
     halted = [(s, a + (0.5 if i >= 400 else 0.0)) for i, (s, a, _) in enumerate(samples)]
     verdicts = [v for v, _, _ in run(halted)]
     assert verdicts[402] is Verdict.STEPPED
-    assert Verdict.REBOOTED not in verdicts
+    assert Verdict.SET_BACK not in verdicts
 
 
 def test_the_quickest_sample_of_a_step_sets_the_clock():
@@ -128,18 +128,18 @@ def test_a_step_of_the_autopilots_clock_is_followed_after_three_samples(step_s):
     before = [s[:2] for s in flight(200, first_us=10_000_000)]
     after = [(s + round(step_s * 1e6), a) for s, a, _ in list(flight(400, first_us=10_000_000))[200:]]
     results = list(run(before + after))
-    assert results[199 + PARAMETERS.step_samples][0] in (Verdict.STEPPED, Verdict.REBOOTED)
+    assert results[199 + PARAMETERS.step_samples][0] in (Verdict.STEPPED, Verdict.SET_BACK)
     truth = list(flight(400, first_us=10_000_000))[260][2]
     assert results[260][1] == pytest.approx(truth, abs=0.008)
 
 
-def test_a_reboot_is_told_from_a_step():
+def test_a_reboot_sets_the_clock_back():
     before = [s[:2] for s in flight(300, first_us=600_000_000)]
     down_s = before[-1][1] + 8.0
     after = [(s, a - 50.0 + down_s) for s, a, _ in flight(50, first_us=20_000)]
     verdicts = [v for v, _, _ in run(before + after)]
     assert verdicts[300:302] == [Verdict.BACKWARDS] * 2
-    assert verdicts[302] is Verdict.REBOOTED
+    assert verdicts[302] is Verdict.SET_BACK
     assert set(verdicts[303:]) == {Verdict.GOOD}
 
 
@@ -152,5 +152,5 @@ def test_a_reboot_is_told_from_a_step():
 )
 def test_no_stamp_puts_a_sample_into_the_future(stamped):
     for (_, arrival), (verdict, found, _) in zip(stamped, run(stamped), strict=True):
-        if verdict in (Verdict.GOOD, Verdict.STEPPED, Verdict.REBOOTED):
+        if verdict in (Verdict.GOOD, Verdict.STEPPED, Verdict.SET_BACK):
             assert found <= arrival - LATENCY_S + 0.01
