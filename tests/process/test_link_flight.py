@@ -9,8 +9,10 @@ import structlog
 
 from daemon.autopilot.mavsdk_link import MavsdkLink
 from daemon.autopilot.port import Command, CommandKind
+from daemon.autopilot.session import SessionParams
 from daemon.messages import FlightMode, LandedState, MavFrame, Setpoint
 from daemon.sim.airframe_files import load
+from daemon.sim.faults import Link, Reboot
 from daemon.sim.mavlink_server import MavlinkServer
 from daemon.sim.px4 import SimulatedPx4
 
@@ -113,3 +115,37 @@ async def test_mavsdk_finds_nothing_to_warn_of_in_the_start() -> None:
             assert await link.read_parameter("NO_SUCH_PARAM", PATIENCE_S) is None
             assert link.session.monitor.slow == ()
     assert [line for line in lines if line["log_level"] in ("warning", "error")] == []
+
+
+async def test_a_reboot_is_noticed_and_the_streams_come_again() -> None:
+    async with connected(2.0) as (link, px4):
+        px4.inject(Reboot())
+        await until(lambda: link.status.value.boot_count == 1 and link.status.value.connected)
+        restarted, version = px4.uptime_s, link.odometry.version
+        await until(lambda: px4.uptime_s > restarted + 4.0)
+        received = link.odometry.version - version
+        assert received > 0.7 * 100.0 * (px4.uptime_s - restarted)
+
+
+async def test_a_silent_link_is_lost_and_comes_back_by_itself() -> None:
+    async with connected(1.0) as (link, px4):
+        link.session.params = SessionParams(link_timeout_s=0.5)
+        px4.inject(Link(silent=True, direction="down"))
+        await until(lambda: not link.status.value.connected)
+        assert not link.send_setpoint(HOVER)
+        px4.faults.clear("link")
+        await until(lambda: link.status.value.connected)
+        assert link.status.value.boot_count == 0
+        assert link.send_setpoint(HOVER)
+
+
+async def test_a_lossy_link_is_flown_through() -> None:
+    async with connected(SPEED) as (link, px4):
+        px4.inject(Link(loss=0.2, delay_s=0.02, jitter_s=0.02, reordering=0.05))
+        await link.command(Command(CommandKind.ARM), PATIENCE_S)
+        await link.command(Command(CommandKind.TAKEOFF), PATIENCE_S)
+        await until(
+            lambda: link.status.value.mode is FlightMode.HOLD and link.status.value.landed is LandedState.IN_AIR
+        )
+        assert link.status.value.boot_count == 0
+        assert link.session.malformed == {}
