@@ -1,7 +1,7 @@
 """Reads flight records, whole or cut off: as arrays for the report, in order for the replay."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -43,9 +43,18 @@ class Form:
                 found[leaf.name] = leaf.members[found[leaf.name]]
         return found | dict(zip(self.texts, self.strings(data), strict=True))
 
+    def numbers(self, data: bytes, names: Sequence[str]) -> list[float]:
+        """Some single numbers of a message."""
+        row = np.frombuffer(data, self.dtype, 1, len(HEADER))[0]
+        return [row[name].item() for name in names]
+
     def strings(self, data: bytes) -> list[str]:
         """The texts of a message."""
-        return layout.read_strings(data, len(HEADER) + self.dtype.itemsize, len(self.texts))
+        return layout.read_strings(data, len(HEADER) + self.dtype.itemsize, len(self.texts))[0]
+
+    def end_of_strings(self, data: bytes) -> int:
+        """Where a sequence begins that follows the texts."""
+        return layout.read_strings(data, len(HEADER) + self.dtype.itemsize, len(self.texts))[1]
 
 
 @dataclass(slots=True)
@@ -101,6 +110,18 @@ class Table:
     rows: np.ndarray[Any, Any]
     texts: list[list[str]]
 
+    @classmethod
+    def of(cls, form: Form, data: list[bytes]) -> "Table":
+        """The table of messages."""
+        begin, end = len(HEADER), len(HEADER) + form.dtype.itemsize
+        rows = np.frombuffer(b"".join(message[begin:end] for message in data), form.dtype)
+        return cls(form, rows, [form.strings(message) for message in data])
+
+    @property
+    def fields(self) -> list[str]:
+        """Names of all columns."""
+        return [*(leaf.name for leaf in self.form.leaves), *self.form.texts]
+
     def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
         return np.asarray(self.rows[name])
 
@@ -120,7 +141,6 @@ class Flight:
     """A record in memory; events, goals and the rest as they were written, in order."""
 
     ticks: Table
-    odometry: Table | None
     about: dict[str, Any]
     parameters: dict[str, Any]
     events: list[dict[str, Any]] = field(default_factory=list)
@@ -140,14 +160,12 @@ def load(files: list[Path]) -> Flight:
                 notes.setdefault(part.topic, []).append(part.json)
             else:
                 packed.setdefault(part.topic, (part.form, []))[1].append(part.data)
-    ticks = _table(packed.get("/flightd/tick"))
-    if ticks is None:
+    if "/flightd/tick" not in packed:
         raise RecordError(f"{files[0]}: holds no tick")
     start = notes.get("/flightd/start", [{"inputs": {"parameters": {}, "status": {}}}])[0]["inputs"]
     about = notes.get("/flightd/about", [{}])[0]
     return Flight(
-        ticks,
-        _table(packed.get("/flightd/odometry")),
+        Table.of(*packed["/flightd/tick"]),
         about,
         start["parameters"],
         notes.get("/flightd/event", []),
@@ -156,12 +174,3 @@ def load(files: list[Path]) -> Flight:
         [start["status"], *notes.get("/flightd/status", [])],
         float(about.get("wall_s", 0.0)),
     )
-
-
-def _table(packed: tuple[Form, list[bytes]] | None) -> Table | None:
-    if packed is None:
-        return None
-    form, data = packed
-    begin, end = len(HEADER), len(HEADER) + form.dtype.itemsize
-    rows = np.frombuffer(b"".join(message[begin:end] for message in data), form.dtype)
-    return Table(form, rows, [form.strings(message) for message in data])

@@ -153,15 +153,15 @@ def parse_definition(text: str) -> list[Leaf]:
     return leaves
 
 
-def read_strings(data: bytes, offset: int, count: int) -> list[str]:
-    """``count`` strings from ``offset`` on, where the fixed part of a message with its header ends."""
+def read_strings(data: bytes, offset: int, count: int) -> tuple[list[str], int]:
+    """``count`` strings from ``offset`` on, where the fixed part of a message with its header ends; and their end."""
     words: list[str] = []
     for _ in range(count):
         offset += -(offset - len(HEADER)) % 4
         (length,) = struct.unpack_from("<I", data, offset)
         words.append(data[offset + 4 : offset + 3 + length].decode())
         offset += 4 + length
-    return words
+    return words, offset
 
 
 def _strings(words: list[str], offset: int) -> bytes:

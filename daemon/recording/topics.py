@@ -2,7 +2,8 @@
 
 Inputs come before the tick that saw them first, so that reading in order gives each tick its inputs:
 ``/flightd/start`` (memory of the flow and held inputs), ``/flightd/odometry``, ``/flightd/imu``, ``/flightd/window``,
-``/flightd/status``, ``/flightd/parameters``, ``/flightd/request``, then ``/flightd/tick`` with all that came out.
+``/flightd/status``, ``/flightd/parameters``, ``/flightd/inputs`` (the rest), then ``/flightd/tick`` with all that came
+out.
 ``/flightd/event``, ``/flightd/goal``, ``/flightd/plan`` and ``/flightd/about`` tell of the rest. For the eye there are
 Foxglove's own messages, in east-north-up and forward-left-up as viewers expect: ``/tf``, ``/pose``,
 ``/reference/pose``, ``/path/flown``, ``/path/planned``, ``/location``, ``/log``.
@@ -10,7 +11,7 @@ Foxglove's own messages, in east-north-up and forward-left-up as viewers expect:
 
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from operator import attrgetter
 from typing import Any
 
@@ -53,6 +54,10 @@ class WindowHead:
     goal_id: str | None
 
 
+REST = tuple(
+    field.name for field in fields(Inputs) if field.name not in ("odometry", "imu", "window", "status", "parameters")
+)  # inputs that seldom change
+_rest = attrgetter(*REST)
 ODOMETRY = Layout(Odometry, "flightd/Odometry")
 IMU = Layout(Imu, "flightd/Imu")
 TICK = Layout(Record, "flightd/Tick")
@@ -74,9 +79,10 @@ def pack_window(window: ReferenceWindow) -> bytes:
     return head + bytes(-(len(head) - len(HEADER)) % 8) + struct.pack(f"<{len(values)}d", *values)
 
 
-def unpack_window(head: dict[str, Any], data: bytes) -> ReferenceWindow:
-    """The window whose head was read already; the samples end the message."""
-    numbers = struct.unpack(f"<{len(data) // 8}d", data)
+def unpack_window(head: dict[str, Any], data: bytes, offset: int) -> ReferenceWindow:
+    """The window whose head was read already, up to ``offset``; the samples end the message."""
+    (count,) = struct.unpack_from("<I", data, offset - (offset - len(HEADER)) % -4)
+    numbers = struct.unpack_from(f"<{count}d", data, len(data) - 8 * count)
     samples = []
     for i in range(0, len(numbers), SAMPLE_SIZE):
         time_s, yaw, yaw_rate, *xyz = numbers[i : i + SAMPLE_SIZE]
@@ -115,7 +121,7 @@ class Topics:
         self._start = _json(context, "/flightd/start", "flightd.Start", state="object", inputs="object")
         self._status = _json(context, "/flightd/status", "flightd.AutopilotStatus", mode="string", armed="boolean")
         self._parameters = _json(context, "/flightd/parameters", "flightd.Parameters", control="object")
-        self._request = _json(context, "/flightd/request", "flightd.Request", latched="boolean", request="object|null")
+        self._rest = _json(context, "/flightd/inputs", "flightd.Inputs", latched="boolean", request="object|null")
         self._event = _json(
             context, "/flightd/event", "flightd.Event", code="string", text="string", goal_id="string|null"
         )
@@ -183,6 +189,5 @@ class Topics:
             self._scene.locate(inputs.status.global_position, ns)
         if last is None or inputs.parameters != last.parameters:
             self._parameters.log(codec.text(inputs.parameters).encode(), log_time=ns)
-        if last is None or (inputs.latched, inputs.request) != (last.latched, last.request):
-            request = {"latched": inputs.latched, "request": codec.encode(inputs.request)}
-            self._request.log(request, log_time=ns)
+        if last is None or _rest(inputs) != _rest(last):
+            self._rest.log(dict(zip(REST, map(codec.encode, _rest(inputs)), strict=True)), log_time=ns)
