@@ -92,7 +92,13 @@ def fly(
         lead, slow = _lead(memory, wanted, dt_s, p)
         feed_forward = rotate(multiply(conjugate(attitude_wb), desired_wb), lead)
     rates = add(rates, feed_forward)
-    rates = limits.tilt_guard(rates, attitude_wb, p.tilt_max_rad, p.attitude_time_constant_s[0])
+    rates = limits.tilt_guard(
+        rates,
+        attitude_wb,
+        predicted.rates_frd_rad_s,
+        tilt_max_rad=p.tilt_max_rad,
+        rate_lag_s=p.rate_lag_s[0],
+    )
     lead_m_s2 = p.thrust_lag_s * flatness.thrust_rate(thrust, thrust_derivative) if p.lag_compensation else 0.0
     setpoint = Setpoint(rates, _thrust_command(model, thrust, attitude_wb, lead_m_s2, p))
     record = ControlRecord(

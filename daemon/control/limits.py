@@ -6,7 +6,7 @@ from daemon.frames import clamp, rotate_inverse
 from daemon.messages import Quat, Setpoint, Vec3
 
 _HEIGHT_SHARE = 0.9  # of full thrust for height at most, so that some tilt remains
-_TILT_SHARE = 0.95  # of the tilt limit for the thrust vector: PX4's rate loop overshoots by 5 %
+_LAG_MIN_S = 0.02  # the guard turns back no quicker
 _LEVEL = 1e-6  # sine of a tilt without direction
 
 
@@ -20,17 +20,25 @@ def thrust_vector(
     """
     x, y, z = thrust_ned_m_s2
     up = clamp(-z, vertical_min_m_s2, max(_HEIGHT_SHARE * full_m_s2, vertical_min_m_s2))
-    room = min(up * tan(_TILT_SHARE * tilt_max_rad), sqrt(max(full_m_s2 * full_m_s2 - up * up, 0.0)))
+    room = min(up * tan(tilt_max_rad), sqrt(max(full_m_s2 * full_m_s2 - up * up, 0.0)))
     horizontal = hypot(x, y)
     if horizontal <= room:
         return (x, y, -up), up != -z
     return (x * room / horizontal, y * room / horizontal, -up), True
 
 
-def tilt_guard(rates_frd_rad_s: Vec3, attitude_wb: Quat, tilt_max_rad: float, time_constant_s: float) -> Vec3:
+def tilt_guard(
+    rates_frd_rad_s: Vec3,
+    attitude_wb: Quat,
+    rates_now_frd_rad_s: Vec3,
+    *,
+    tilt_max_rad: float,
+    rate_lag_s: float,
+) -> Vec3:
     """Rates whose outward part would not carry the tilt across its limit; beyond the limit they turn back inward.
 
-    The outward rate is at most (limit - tilt) / time constant, whatever the law says.
+    Whatever the law says, the outward rate is at most (limit - tilt) / lag, where the tilt is the one that is reached
+    when the rates of now have run out over the rate loop's lag: the limit is approached with critical damping.
     """
     sx, sy, sz = rotate_inverse(attitude_wb, (0.0, 0.0, 1.0))
     sine = hypot(sx, sy)
@@ -38,7 +46,9 @@ def tilt_guard(rates_frd_rad_s: Vec3, attitude_wb: Quat, tilt_max_rad: float, ti
         return rates_frd_rad_s
     x, y, z = rates_frd_rad_s
     ox, oy = sy / sine, -sx / sine
-    excess = x * ox + y * oy - (tilt_max_rad - atan2(sine, sz)) / time_constant_s
+    outward_now = max(rates_now_frd_rad_s[0] * ox + rates_now_frd_rad_s[1] * oy, 0.0)
+    room_rad = tilt_max_rad - atan2(sine, sz) - outward_now * rate_lag_s
+    excess = x * ox + y * oy - room_rad / max(rate_lag_s, _LAG_MIN_S)
     if excess <= 0.0:
         return rates_frd_rad_s
     return (x - excess * ox, y - excess * oy, z)

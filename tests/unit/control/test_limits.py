@@ -38,21 +38,36 @@ def test_height_comes_before_tilt_when_thrust_runs_out() -> None:
     assert x == pytest.approx((19.0**2 - 16.0**2) ** 0.5)
 
 
+def guarded(rates: Vec3, q: Quat, now: Vec3 = (0.0, 0.0, 0.0)) -> Vec3:
+    return limits.tilt_guard(rates, q, now, tilt_max_rad=TILT, rate_lag_s=0.05)
+
+
 @given(st.tuples(*[st.floats(-3.0, 3.0)] * 3), st.tuples(*[st.floats(-20.0, 20.0)] * 3))
 @settings(deadline=None, max_examples=100)
 def test_guard_bounds_the_outward_turn(rotation: Vec3, rates: Vec3) -> None:
     q: Quat = frames.exp(rotation)
-    x, y, z = limits.tilt_guard(rates, q, TILT, 0.15)
+    x, y, z = guarded(rates, q)
     tilt, dt = frames.tilt_of(q), 1e-6
     assert z == rates[2]
     if 1e-3 < tilt < 3.1:
         outward = (frames.tilt_of(frames.integrate(q, (x, y, z), dt)) - tilt) / dt
-        assert outward <= (TILT - tilt) / 0.15 + 1e-2
+        assert outward <= (TILT - tilt) / 0.05 + 1e-2
 
 
 def test_guard_leaves_inward_rates_alone() -> None:
     q = frames.from_rpy(radians(20.0), 0.0, 0.0)
-    assert limits.tilt_guard((-3.0, 0.5, 1.0), q, TILT, 0.15) == (-3.0, 0.5, 1.0)
+    assert guarded((-3.0, 0.5, 1.0), q) == (-3.0, 0.5, 1.0)
+
+
+def test_guarded_turn_with_the_lag_stops_at_the_limit() -> None:
+    q, rate, dt = frames.from_rpy(0.1, 0.0, 0.5), 0.0, 0.001
+    largest = 0.0
+    for _ in range(2000):
+        wanted = guarded((3.0, 0.0, 0.0), q, (rate, 0.0, 0.0))[0]
+        rate += (wanted - rate) * dt / 0.05
+        q = frames.integrate(q, (rate, 0.0, 0.0), dt)
+        largest = max(largest, frames.tilt_of(q))
+    assert largest == pytest.approx(TILT, abs=radians(0.1))
 
 
 def test_slew_is_bounded_per_step_and_reaches_the_target() -> None:
