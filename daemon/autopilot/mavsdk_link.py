@@ -147,7 +147,7 @@ class MavsdkLink(SessionLink):
             for name in self.session.wanted:
                 self._wire.direct.subscribe_message(name, self._callback(name))
             _log.info("autopilot found", system_id=self._wire.system_id)
-            await self._keep()
+            await self._keep(sdk)
         finally:
             wire, self._wire = self._wire, None
             await _bounded(lambda: _close(sdk, wire), _CLOSE_S)
@@ -196,13 +196,13 @@ class MavsdkLink(SessionLink):
 
     # ---- in flight
 
-    async def _keep(self) -> None:
+    async def _keep(self, sdk: Mavsdk) -> None:
         loop = asyncio.get_running_loop()
         said = _Said()
         while True:
             self.session.poll(loop.time())
             self._flush_session()
-            said.changes(self.session, self.status.value)
+            said.changes(self.session, self.status.value, sdk.system_count())
             await asyncio.sleep(_POLL_S)
 
     def _flush_session(self) -> None:
@@ -250,8 +250,9 @@ class _Said:
         self._connected = False
         self._boot_count = 0
         self._slow: tuple[str, ...] = ()
+        self._systems = 1
 
-    def changes(self, session: Px4Session, status: AutopilotStatus) -> None:
+    def changes(self, session: Px4Session, status: AutopilotStatus, systems: int) -> None:
         """Log what differs from the last time."""
         if status.connected != self._connected:
             self._connected = status.connected
@@ -262,6 +263,9 @@ class _Said:
         if session.monitor.slow != self._slow:
             self._slow = session.monitor.slow
             _log.warning("streams slower than asked for", streams=self._slow)
+        if systems > self._systems:
+            self._systems = systems
+            _log.warning("another system on this link is ignored", systems=systems)
         for text in session.take_events():
             _log.info("autopilot says", text=text)
 

@@ -3,6 +3,7 @@
 Both links are thin transports around it. All of it belongs to one thread, except ``receive_sample``.
 """
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf
@@ -33,17 +34,19 @@ from daemon.messages import (
 )
 
 SAMPLES = ("ODOMETRY", "HIGHRES_IMU")
+_EVENTS_KEPT = 64
 _REASON_UPDATE_S = 0.2  # an EVENT that explains a refusal comes within a few ms of the ack; generous
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionParams:
-    """``link_timeout_s``: without any message for so long the link is lost, 0.5 s. ``reboot_step_s``: the autopilot's
-    clock stepping back by more than this is a reboot, 1 s (messages may overtake each other by milliseconds).
-    ``system_id``, ``component_id``: our own MAVLink ids, to know our acks from others'; 0 takes every ack.
+    """``link_timeout_s``: without any message for so long the link is lost, 0.5 s. ``overtaken_s``: a sample older than
+    the newest by up to this was overtaken on its way and is dropped, 0.2 s. ``reboot_step_s``: one older by more than
+    this means a reboot, 1 s; in between the autopilot's clock was set back, and the sample counts. ``system_id``, ``component_id``: our own MAVLink ids, to know our acks from others'; 0 takes every ack.
     """
 
     link_timeout_s: float = 0.5
+    overtaken_s: float = 0.2
     reboot_step_s: float = 1.0
     system_id: int = 0
     component_id: int = 0
@@ -63,7 +66,7 @@ class Px4Session:
         self.status = Latest(AutopilotStatus())
         self.monitor = streams.StreamMonitor()
         self.malformed: dict[str, int] = {}
-        self.events: list[str] = []
+        self._events: deque[str] = deque(maxlen=_EVENTS_KEPT)
         self._last_arrival_s = -inf
         self._flowing = False
         self._newest_stamp_us = dict.fromkeys(SAMPLES, 0)
@@ -122,9 +125,12 @@ class Px4Session:
         except (KeyError, TypeError, ValueError, IndexError):
             self._count_malformed(name)
             return True
-        newest_us = self._newest_stamp_us[name]
-        if sample.stamp_us < newest_us:
-            return sample.stamp_us > newest_us - self.params.reboot_step_s * 1e6  # late: an overtaken one is dropped
+        behind_s = (self._newest_stamp_us[name] - sample.stamp_us) * 1e-6
+        if behind_s > 0.0:
+            if behind_s > self.params.reboot_step_s:
+                return False
+            if behind_s <= self.params.overtaken_s:
+                return True
         self._newest_stamp_us[name] = sample.stamp_us
         self._last_arrival_s = now_s
         self.monitor.count(name)
@@ -158,7 +164,8 @@ class Px4Session:
 
     def take_events(self) -> list[str]:
         """What PX4 said in EVENT messages since the last call, in words."""
-        said, self.events = self.events, []
+        said = list(self._events)
+        self._events.clear()
         return said
 
     def mode_message(self, mode: FlightMode) -> Message | None:
@@ -244,7 +251,7 @@ class Px4Session:
         event = events.decode(fields)
         self._reasons.note(event, now_s)
         if event.text is not None and not event.check_states:
-            self.events.append(event.text)
+            self._events.append(event.text)
         if event.mode is not None:
             self._update(mode=event.mode, intended_mode=event.intended_mode)
         if event.refusal and self._refused is not None and now_s - self._refused[2] <= _REASON_UPDATE_S:

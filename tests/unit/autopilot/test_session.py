@@ -368,3 +368,18 @@ def test_samples_on_the_hot_path_alone_bring_a_lost_link_back(session: Px4Sessio
 def test_an_intended_mode_that_is_not_told_is_the_mode(session: Px4Session) -> None:
     session.receive("CURRENT_MODE", current_mode(OFFBOARD, 0), 1.0)
     assert session.status.value.intended_mode is FlightMode.OFFBOARD
+
+
+def test_a_clock_set_back_by_less_than_a_second_is_neither_a_reboot_nor_a_reason_to_drop(session: Px4Session) -> None:
+    session.receive("ODOMETRY", odometry(60_000_000, x=1.0), 0.1)
+    session.receive("ODOMETRY", odometry(59_500_000, x=2.0), 0.11)
+    session.receive("ODOMETRY", odometry(59_510_000, x=3.0), 0.12)
+    assert session.odometry.value is not None
+    assert session.odometry.value.position_m[0] == 3.0
+    assert (session.odometry.version, session.status.value.boot_count) == (3, 0)
+
+
+def test_a_stamp_that_stands_still_passes_on_for_others_to_judge(session: Px4Session) -> None:
+    for _ in range(3):
+        session.receive("ODOMETRY", odometry(60_000_000), 0.1)
+    assert session.odometry.version == 3
