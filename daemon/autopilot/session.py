@@ -40,9 +40,12 @@ _REASON_UPDATE_S = 0.2  # an EVENT that explains a refusal comes within a few ms
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionParams:
-    """``link_timeout_s``: without any message for so long the link is lost, 0.5 s. ``overtaken_s``: a sample older than
-    the newest by up to this was overtaken on its way and is dropped, 0.2 s. ``reboot_step_s``: one older by more than
-    this means a reboot, 1 s; in between the autopilot's clock was set back, and the sample counts. ``system_id``, ``component_id``: our own MAVLink ids, to know our acks from others'; 0 takes every ack.
+    """``link_timeout_s``: without any message for so long the link is lost, 0.5 s.
+
+    ``overtaken_s``: a sample older than the newest by up to this was overtaken on its way and is dropped, 0.2 s.
+    ``reboot_step_s``: one older by more than this means a reboot, 1 s; in between the autopilot's clock was set back,
+    and the sample counts. ``system_id``, ``component_id``: our own MAVLink ids, to know our acks from others'; 0 takes
+    every ack.
     """
 
     link_timeout_s: float = 0.5
