@@ -2,12 +2,18 @@
 
 from daemon.sim.airframe import Battery
 
+_BELIEF_S = 1.3
+
 
 class BatteryState:
-    """Charge falls with the current, or as PX4's simulated battery does: at a fixed pace while armed."""
+    """Charge falls with the current, or as PX4's simulated battery does: at a fixed pace while armed.
+
+    ``fraction`` is what PX4 believes: it follows the charge by about a second (recorded).
+    """
 
     def __init__(self, battery: Battery) -> None:
         self._battery = battery
+        self._charge = 1.0
         self.fraction = 1.0
         self._current_a = 0.0
 
@@ -15,7 +21,7 @@ class BatteryState:
     def voltage_v(self) -> float:
         """Terminal voltage."""
         b = self._battery
-        open_v = b.cells * (b.cell_empty_v + self.fraction * (b.cell_full_v - b.cell_empty_v))
+        open_v = b.cells * (b.cell_empty_v + self._charge * (b.cell_full_v - b.cell_empty_v))
         return open_v - self._current_a * b.resistance_ohm
 
     @property
@@ -33,8 +39,9 @@ class BatteryState:
         b = self._battery
         self._current_a = b.hover_current_a * max(0.0, thrust_over_hover) ** 1.5
         pace = 1.0 / drain_s if drain_s > 0.0 else self._current_a / (b.capacity_ah * 3600.0)
-        self.fraction = max(min(floor, self.fraction), self.fraction - pace * dt_s)
+        self._charge = max(min(floor, self._charge), self._charge - pace * dt_s)
+        self.fraction += (self._charge - self.fraction) * dt_s / _BELIEF_S
 
-    def fill(self) -> None:
-        """Full again, as PX4's simulated battery is after disarming."""
-        self.fraction = 1.0
+    def set(self, fraction: float) -> None:
+        """Charge and belief at once; 1.0 after disarming, as PX4's simulated battery does."""
+        self._charge = self.fraction = fraction

@@ -54,15 +54,19 @@ class Commander:
     """Holds ``mode`` (what flies), ``intended`` (what was asked for), ``armed``, ``landed_state``, ``status``."""
 
     def __init__(
-        self, parameters: Parameters, announcer: Announcer, send: Callable[[str, dict[str, Any]], None]
+        self,
+        parameters: Parameters,
+        announcer: Announcer,
+        send: Callable[[str, dict[str, Any]], None],
+        land_patience_s: float,
     ) -> None:
         self._parameters = parameters
         self._announcer = announcer
         self._send = send
         self.inputs = Inputs()
-        self.detector = LandDetector(0.0)
+        self.detector = LandDetector(land_patience_s)
         self.mode = self.intended = self._mode_after_disarming = FlightMode.HOLD
-        self.descending = False
+        self.descending = self.landing_at_home = False
         self.armed = False
         self.killed = False
         self.action = Action()
@@ -92,7 +96,12 @@ class Commander:
             return LandedState.LANDING
         return LandedState.IN_AIR
 
-    landing_at_home = False
+    @property
+    def task(self) -> FlightMode:
+        """What has to be flown: Return lands as Land does, UNKNOWN is Descend."""
+        if self.descending:
+            return FlightMode.UNKNOWN
+        return FlightMode.LAND if self.landing_at_home else self.mode
 
     @property
     def status(self) -> SystemStatus:
@@ -116,7 +125,7 @@ class Commander:
     def tick(self, dt_s: float) -> None:
         """One turn: commands, health, failsafe, landing, disarming."""
         self._ticks += 1
-        if self._ticks % _CHECK_TICKS == 0 or self._became_available():
+        if self._ticks % _CHECK_TICKS == 0 or self._offboard_appeared():
             self._check()
         while self.commands:
             self._execute(self.commands.popleft())
@@ -171,8 +180,9 @@ class Commander:
 
     # -- health and failsafe
 
-    def _became_available(self) -> bool:
-        return not self._health.offboard_signal and self.inputs.setpoint_age_s < 0.1 and self.action.cause == "offboard"
+    def _offboard_appeared(self) -> bool:
+        """Setpoints are noticed at once (recorded: 2 to 12 ms), their loss at 10 Hz."""
+        return not self._health.offboard_signal and self.inputs.setpoint_age_s < self._parameters["COM_OF_LOSS_T"]
 
     def _check(self) -> None:
         """PX4's health and arming checks, at 10 Hz."""
@@ -295,7 +305,7 @@ class Commander:
             armed=self.armed,
             thrust_share=seen.thrust_share,
         )
-        if change is False:
+        if change is False and self.armed:
             self._flown = True
             self._announcer.say("takeoff_detected")
         elif change is True and self.armed:
@@ -329,6 +339,11 @@ class Commander:
             self._announcer.say("armed_by", bytes([_BY_EXTERNAL_COMMAND]))
             self.changed = True
         return True
+
+    def start_in_air(self) -> None:
+        """Armed and in Hold, without a take-off."""
+        self.armed = self._flown = self.changed = True
+        self.detector.landed = False
 
     def disarm(self, by: int = _BY_EXTERNAL_COMMAND) -> None:
         """Motors off; the intended mode goes back to the last one that stays."""

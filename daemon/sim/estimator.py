@@ -106,6 +106,10 @@ class Estimator:
         """Whether GNSS data is fused: from 7.4 s without GPS to the jump back it is not."""
         return self.lost_s < _FUSION_STOPS_AFTER_S
 
+    def start_in_air(self) -> None:
+        """The errors of flight from the first moment."""
+        self._share = 1.0
+
     def step(self, truth: VehicleState, stamp_us: int) -> Estimate:
         """The estimate of the truth at this moment."""
         self._step_resets()

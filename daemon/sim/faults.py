@@ -269,14 +269,14 @@ class BatteryLow(Fault):
 
     def begin(self, px4: "SimulatedPx4") -> None:
         """Empty it."""
-        px4.battery.fraction = self.fraction
+        px4.battery.set(self.fraction)
         if self.failsafe:
             px4.parameters.set("CBRK_SUPPLY_CHK", 0)
             px4.parameters.set("COM_LOW_BAT_ACT", 3)
 
     def end(self, px4: "SimulatedPx4") -> None:
         """Full again."""
-        px4.battery.fill()
+        px4.battery.set(1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

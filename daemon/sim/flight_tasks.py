@@ -1,11 +1,12 @@
 """What PX4's own modes want from moment to moment: take-off, hold, return, land, descend, and the pilot's sticks.
 
 Speeds and times are PX4's parameters; where a recording of PX4 1.17 shows another figure than the parameter, the
-constant below says so. Runs at the estimator's 125 Hz, in the estimator's frame.
+constant below says so. Runs at the estimator's 125 Hz, in the estimator's frame. Climbing and sinking is by velocity
+alone: against linear drag PX4's velocity integral needs some seconds, and the recordings show that.
 """
 
 from dataclasses import dataclass
-from math import hypot, inf, nan, radians
+from math import copysign, hypot, nan, radians
 
 from daemon.frames import add, clamp, from_rpy, rotate_about_down, wrap_pi, yaw_of
 from daemon.messages import ZERO3, FlightMode, Setpoint, Vec3
@@ -15,15 +16,16 @@ from daemon.sim.position_control import PositionControl, Wanted, attitude_rates
 
 _ACCELERATION_M_S2 = 3.0  # MPC_ACC_HOR
 _CLIMB_ACCELERATION_M_S2 = 1.0  # recorded
-_CLIMB_SHARE = 0.77  # recorded: climbs at 1.15 m/s with MPC_TKO_SPEED 1.5
+_CLIMB_BRAKE_M_S2 = 0.4  # recorded
 _ALTITUDE_RADIUS_M = 0.8  # NAV_MC_ALT_RAD
 _LAND_ALTITUDES_M = (10.0, 5.0, 1.0)  # MPC_LAND_ALT1, ALT2, ALT3
-_CRAWL_M_S = 0.4  # recorded below 1 m
 _STICK_SPEED_M_S = 10.0  # MPC_VEL_MANUAL
 _STICK_YAW_RATE_RAD_S = radians(150.0)  # MPC_MAN_Y_MAX
 _STICK_TILT_RAD = radians(35.0)  # MPC_MAN_TILT_MAX
 _STICK_RATE_RAD_S = radians(100.0)  # MC_ACRO_R_MAX
 _ARRIVED_M = 0.5
+_LANDS_AFTER_S = 0.05  # recorded: near home Return turns into a landing after 50 to 60 ms
+_FAR_M = 100.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,6 +50,7 @@ class FlightTasks:
         self._target: Vec3 = ZERO3
         self._yaw = 0.0
         self._since_s = 0.0
+        self._lands_at_once = False
         self.home_ned_m: Vec3 = ZERO3
         self.finished = False
         self.sticks = Sticks()
@@ -56,12 +59,16 @@ class FlightTasks:
         """Begin a mode from the estimate as it is."""
         if mode not in (FlightMode.HOLD, FlightMode.LAND, FlightMode.RETURN) or self._mode == FlightMode.OFFBOARD:
             self._control.restart()
+        climbed = self._mode is FlightMode.TAKEOFF and mode is FlightMode.HOLD and self.finished
         self._mode = mode
         self._reference, self._speed = estimate.position_ned_m, estimate.velocity_ned_m_s
         self._yaw = yaw_of(estimate.attitude_wb)
         self._since_s = 0.0
         self.finished = False
+        top_down_m = self._target[2]
         self._target = _stop_point(self._reference, self._speed)
+        if climbed:  # Hold after a take-off goes on to its altitude
+            self._target = (self._target[0], self._target[1], top_down_m)
         if mode is FlightMode.TAKEOFF and takeoff_down_m is not None:
             self._target = (self._reference[0], self._reference[1], takeoff_down_m)
             self._speed = ZERO3
@@ -74,7 +81,7 @@ class FlightTasks:
         self._yaw = wrap_pi(self._yaw + jump.yaw_rad)
         self._control.shift(jump)
 
-    def run(self, estimate: Estimate, height_m: float, on_ground: bool) -> Setpoint:
+    def run(self, estimate: Estimate, height_m: float) -> Setpoint:
         """One step; ``height_m`` above ground is what the range finder says."""
         self._since_s += STEP_S
         if self._mode in (FlightMode.MANUAL, FlightMode.STABILIZED, FlightMode.ACRO):
@@ -89,10 +96,10 @@ class FlightTasks:
             down = Wanted((nan, nan, nan), (*estimate.velocity_ned_m_s[:2], self._sink(height_m)), self._yaw)
             return self._control.run(down, estimate, 0.0)
         if self._mode is FlightMode.LAND:
-            self._target = (self._target[0], self._target[1], self._reference[2] + 100.0)
-            self._advance(inf, self._sink(height_m))
-            if on_ground:
-                self._reference = (*self._reference[:2], estimate.position_ned_m[2])
+            down_m = estimate.position_ned_m[2]
+            self._reference = (self._reference[0], self._reference[1], down_m)
+            self._target = (self._target[0], self._target[1], down_m + _FAR_M)
+            self._advance(self._parameters["MPC_XY_CRUISE"], self._sink(height_m))
         elif self._mode is FlightMode.RETURN:
             self._go_home(estimate)
         else:
@@ -109,7 +116,8 @@ class FlightTasks:
             rates = self._control.run(held, estimate, tilt).rates_frd_rad_s
             self._control.restart()
             return Setpoint(rates, self._control.hover_thrust * progress)
-        self._advance(self._parameters["MPC_XY_CRUISE"], self._parameters["MPC_TKO_SPEED"] * _CLIMB_SHARE)
+        self._reference = (self._reference[0], self._reference[1], estimate.position_ned_m[2])
+        self._advance(self._parameters["MPC_XY_CRUISE"], self._parameters["MPC_TKO_SPEED"])
         if estimate.position_ned_m[2] - self._target[2] < _ALTITUDE_RADIUS_M:
             self.finished = True
         return self._control.run(Wanted(self._reference, self._speed, self._yaw), estimate, tilt)
@@ -118,13 +126,13 @@ class FlightTasks:
         """Climb on a cone of 45 degrees about home (RTL_CONE_ANG), fly there, hand over to landing."""
         position, home, p = estimate.position_ned_m, self.home_ned_m, self._parameters
         away_m = hypot(position[0] - home[0], position[1] - home[1])
-        if away_m < p["RTL_MIN_DIST"] and self._since_s < 2.0 * STEP_S:
-            self.finished = True
-            return
-        top = home[2] - min(p["RTL_RETURN_ALT"], max(away_m, p["RTL_MIN_DIST"]))
-        if self._target[2] > top and self._since_s < 2.0 * STEP_S:
-            self._target = (position[0], position[1], top)
-        if position[2] < self._target[2] + _ALTITUDE_RADIUS_M:
+        if self._since_s < 1.5 * STEP_S:
+            self._lands_at_once = away_m < p["RTL_MIN_DIST"]
+            top = home[2] - min(p["RTL_RETURN_ALT"], max(away_m, p["RTL_MIN_DIST"]))
+            self._target = (self._target[0], self._target[1], min(top, position[2]))
+        if self._lands_at_once:
+            self.finished = self._since_s > _LANDS_AFTER_S
+        elif position[2] < self._target[2] + _ALTITUDE_RADIUS_M:
             self._target = (home[0], home[1], self._target[2])
             self.finished = away_m < _ARRIVED_M
         self._advance(p["MPC_XY_CRUISE"], p["MPC_Z_VEL_MAX_UP"])
@@ -133,7 +141,7 @@ class FlightTasks:
         """Landing speed: fast above 10 m, MPC_LAND_SPEED below 5 m, crawling below 1 m."""
         high, low, crawl = _LAND_ALTITUDES_M
         if height_m < crawl:
-            return _CRAWL_M_S
+            return self._parameters["MPC_LAND_CRWL"]
         slow, fast = self._parameters["MPC_LAND_SPEED"], self._parameters["MPC_Z_VEL_MAX_DN"]
         return slow + clamp((height_m - low) / (high - low), 0.0, 1.0) * (fast - slow)
 
@@ -148,7 +156,8 @@ class FlightTasks:
         change, largest = hypot(ax, ay), _ACCELERATION_M_S2 * STEP_S
         share = largest / change if change > largest else 1.0
         vx, vy = vx + ax * share, vy + ay * share
-        uz = clamp(tz - rz, -vertical_speed_m_s, vertical_speed_m_s)
+        climb = abs(tz - rz)
+        uz = copysign(min(vertical_speed_m_s, climb, (2.0 * _CLIMB_BRAKE_M_S2 * climb) ** 0.5), tz - rz)
         vz += clamp(uz - vz, -_CLIMB_ACCELERATION_M_S2 * STEP_S, _ACCELERATION_M_S2 * STEP_S)
         self._speed = (vx, vy, vz)
         self._reference = (rx + vx * STEP_S, ry + vy * STEP_S, rz + vz * STEP_S)

@@ -3,14 +3,20 @@
 _TAKEOFF_DETECTED_S = 0.9  # after the take-off command, long before the vehicle leaves the ground
 _LIFTED_S = 0.1
 _LOW_THRUST_SHARE = 0.9  # of hover: more than that on the ground is a take-off under way
-LANDED_AFTER_S = 2.5  # ground contact at low thrust, quickest of the recordings
+_PATIENCE_S = (1.3, 2.5)  # recorded: contact is believed after 1.3 to 7.4 s
+
+
+def patience(chance: float) -> float:
+    """Seconds until ground contact is believed; ``chance`` is a standard normal number (1.0: 3.8 s)."""
+    quickest_s, spread_s = _PATIENCE_S
+    return quickest_s + spread_s * abs(chance)
 
 
 class LandDetector:
     """``landed`` as PX4 believes it. ``patience_s``: how long contact takes to be believed."""
 
     def __init__(self, patience_s: float) -> None:
-        self.patience_s = patience_s
+        self._patience_s = patience_s
         self.landed = True
         self._taking_off_s = 0.0
         self._lifted_s = 0.0
@@ -25,6 +31,6 @@ class LandDetector:
         before = self.landed
         if before and (self._taking_off_s > _TAKEOFF_DETECTED_S or self._lifted_s > _LIFTED_S):
             self.landed = False
-        elif not before and self._contact_s > self.patience_s:
+        elif not before and self._contact_s > self._patience_s:
             self.landed = True
         return self.landed if self.landed != before else None

@@ -7,6 +7,7 @@ import struct
 from collections import deque
 from math import isfinite
 
+from daemon.frames import from_yaw
 from daemon.messages import ZERO3, FlightMode, GlobalPosition, Setpoint, Vec3
 from daemon.sim import telemetry
 from daemon.sim.airframe import Airframe
@@ -17,6 +18,7 @@ from daemon.sim.estimator import BOOT_RESETS, Estimator
 from daemon.sim.fault_board import FaultBoard
 from daemon.sim.faults import Fault
 from daemon.sim.flight_tasks import FlightTasks
+from daemon.sim.land_detector import patience
 from daemon.sim.link_faults import LinkFaults
 from daemon.sim.noise import normals
 from daemon.sim.parameters import Parameters
@@ -148,6 +150,19 @@ class SimulatedPx4:
         if self.reboot_soon:
             self.reboot()
 
+    def start_in_air(self, altitude_m: float, yaw_rad: float = 0.0) -> None:
+        """Begin hovering in Hold at a height above home instead of on the ground."""
+        self.truth = VehicleState(
+            (0.0, 0.0, -altitude_m),
+            attitude_wb=from_yaw(yaw_rad),
+            signals=self.rate_loop.run(ZERO3, self.airframe.hover_thrust, False),
+            on_ground=False,
+        )
+        self.setpoint = Setpoint(ZERO3, self.airframe.hover_thrust)
+        self.commander.start_in_air()
+        self.estimator.start_in_air()
+        self.estimator.step(self.truth, self.time_us)
+
     # -- what the parts see of the vehicle
 
     @property
@@ -203,8 +218,8 @@ class SimulatedPx4:
         self.reboot_soon = False
         self._next_commander_us = self.simulated_us
         self.announcer = Announcer(self.send)
-        self.commander = Commander(self.parameters, self.announcer, self.send)
-        self.commander.detector.patience_s = 2.5 if not self._noise else 2.5 + abs(next(self._draw)) * 2.5
+        chance = next(self._draw) if self._noise else 1.0
+        self.commander = Commander(self.parameters, self.announcer, self.send, patience(chance))
         self.receiver = Receiver(self)
         self.streams = Streams()
         self.estimator = Estimator(self._draw, noise=self._noise)
@@ -248,13 +263,13 @@ class SimulatedPx4:
         if self.estimator.jumps:
             self.estimator.jumps.clear()
         self._history.append(Sample(self.time_us, estimate, self.rate_loop.filtered_rates))
-        mode = FlightMode.UNKNOWN if self.commander.descending else self.commander.mode
+        mode = self.commander.task
         if mode is not self._flown_mode:
             self._enter(mode)
         if mode is FlightMode.OFFBOARD:
             self.setpoint = self.receiver.offboard_setpoint(estimate)
         elif self.commander.armed and not (self.commander.detector.landed and mode in _STAYS_DOWN):
-            self.setpoint = self.tasks.run(estimate, self.height_m, self.truth.on_ground)
+            self.setpoint = self.tasks.run(estimate, self.height_m)
             self._attitude_setpoint_ms = self.time_us // 1000
         else:
             self.setpoint = Setpoint(ZERO3, 0.0)
@@ -269,7 +284,8 @@ class SimulatedPx4:
             amsl_m = self.commander.takeoff_altitude_amsl_m
             if amsl_m is None:
                 altitude_m = self.parameters["MIS_TAKEOFF_ALT"]
-                self.announcer.say("takeoff_default_altitude", _float32(altitude_m))
+                if self.commander.armed:
+                    self.announcer.say("takeoff_default_altitude", _float32(altitude_m))
                 target_down_m = estimate.position_ned_m[2] - altitude_m
             else:
                 target_down_m = self.home.altitude_amsl_m - amsl_m - self.estimator.origin_ned_m[2]
@@ -284,10 +300,7 @@ class SimulatedPx4:
         if commander.armed != was_armed:
             self._set_home()
             if was_armed and self.parameters["SIM_BAT_DRAIN"] > 0.0:
-                self.battery.fill()
-        if commander.landing_at_home and self._flown_mode is FlightMode.RETURN:
-            self._flown_mode = FlightMode.LAND
-            self.tasks.enter(FlightMode.LAND, self.estimator.estimate)
+                self.battery.set(1.0)
         self.battery.step(
             _COMMANDER_US * 1e-6,
             commander.armed,
