@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NoReturn
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
 from pydantic.fields import FieldInfo
 
 
@@ -23,22 +23,27 @@ class Section(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
+    @field_validator("*")
+    @classmethod
+    def _each_in_range(cls, value: Any, info: ValidationInfo) -> Any:
+        extra = cls.model_fields[info.field_name or ""].json_schema_extra
+        if isinstance(value, tuple) and isinstance(extra, dict) and "low" in extra:
+            low, high = float(str(extra["low"])), float(str(extra["high"]))
+            for number in value:
+                if not low <= number <= high:
+                    raise ValueError(f"{number:g} is not within {low:g} to {high:g} {extra['unit']}")
+        return value
+
 
 Pair = Annotated[tuple[float, float], Field(strict=False)]
 
 
-def _triple(low: float, high: float, unit: str, settable: bool = False) -> Any:
-    """Three numbers, each within the range."""
-    number = Annotated[float, Field(ge=low, le=high)]
-    extra = {"unit": unit, "settable": settable, "low": low, "high": high}
-    return Annotated[tuple[number, number, number], Field(strict=False, json_schema_extra=extra)]
+Triple = Annotated[tuple[float, float, float], Field(strict=False)]
 
 
-PositionGain = _triple(0.0, 50.0, "1/s2", settable=True)
-VelocityGain = _triple(0.0, 30.0, "1/s", settable=True)
-TimeConstant = _triple(0.02, 5.0, "s", settable=True)
-RateLag = _triple(0.0, 2.0, "s")
-Drag = _triple(0.0, 5.0, "1/s", settable=True)
+def _each(low: float, high: float, unit: str, settable: bool = False) -> Any:
+    """Several numbers, each within the range."""
+    return Field(json_schema_extra={"unit": unit, "settable": settable, "low": low, "high": high})
 
 
 class Link(Section):
@@ -87,16 +92,16 @@ class Control(Section):
     """The control law."""
 
     attitude_law: Literal["quaternion", "geometric", "jerk"] = Field(json_schema_extra={"settable": True})
-    position_gain_1_s2: PositionGain
-    velocity_gain_1_s: VelocityGain
+    position_gain_1_s2: Triple = _each(0.0, 50.0, "1/s2", settable=True)
+    velocity_gain_1_s: Triple = _each(0.0, 30.0, "1/s", settable=True)
     feedback_max_m_s2: float = _number(0.5, 30.0, "m/s2", settable=True)
     approach_max_m_s: float = _number(0.1, 30.0, "m/s", settable=True)
-    attitude_time_constant_s: TimeConstant
+    attitude_time_constant_s: Triple = _each(0.02, 5.0, "s", settable=True)
     hover_thrust: float = _number(0.05, 0.95, "-")
     thrust_curve: float = _number(0.0, 1.0, "-")
     thrust_lag_s: float = _number(0.0, 0.5, "s")
-    rate_lag_s: RateLag
-    drag_1_s: Drag
+    rate_lag_s: Triple = _each(0.0, 2.0, "s")
+    drag_1_s: Triple = _each(0.0, 5.0, "1/s", settable=True)
     rate_feed_forward: bool
     lag_compensation: bool
     disturbance_bandwidth_rad_s: float = _number(0.0, 20.0, "rad/s", settable=True)
@@ -254,7 +259,7 @@ def _sentence(fault: Any) -> str:
     if kind == "missing":
         return f"{path}: is missing"
     if kind in ("greater_than_equal", "less_than_equal"):
-        low, high, unit = _range(".".join(str(part) for part in fault["loc"] if not isinstance(part, int)))
+        low, high, unit = _range(path)
         return f"{path}: {value!r} is not within {low:g} to {high:g} {unit}".rstrip()
     if kind == "value_error":
         return f"{path}: {context.get('error', fault['msg'])}"
