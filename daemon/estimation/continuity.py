@@ -14,8 +14,9 @@ _SHORTEST_S = 1e-3  # between two samples of a clock that was set anew
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """``name`` and ``cause`` are the event's, empty when there is nothing to tell.
+    """``reset`` is what the autopilot did, ``through`` what of it comes through with this sample.
 
+    ``name`` and ``cause`` are the event's, empty when there is nothing to tell.
     ``innovation`` is None where motion cannot be compared: after a reset and after a gap. ``counter_steps`` counts
     the autopilot's resets since the sample before, modulo 256.
     """
@@ -24,6 +25,7 @@ class Outcome:
     innovation: Innovation | None = None
     refused: bool = False
     reset: Reset | None = None
+    through: Reset | None = None
     name: str = ""
     cause: str = ""
     counter_steps: int = 0
@@ -55,28 +57,37 @@ def compared(
     if rebooted or (gap and steps):
         variance = before.position_variance_m2
         reset = reset_tracker.identified(found, after.arrival_s, variance, lost=True, parameters=resets)
-        return Outcome(SETTLED, None, False, reset, "reset", "rebooted" if rebooted else "after_gap", steps)
+        return Outcome(SETTLED, None, False, reset, reset, "reset", "rebooted" if rebooted else "after_gap", steps)
     if gap and memory.refused is None:
         return Outcome(SETTLED, name="regained")
     if steps:
-        return _announced(memory, before, after, found, steps, resets)
+        return _announced(memory, before, after, found, steps, resets, slides)
     if gap or slide.jumps(found, parameters=slides):
         return _unannounced(memory, before, after, found, gap, acceleration_ned_m_s2, resets, slides)
     following = slide.followed(memory, found, parameters=slides)
     if norm(following.excess_ned_m) > slides.excess_max_m:
         excess = Innovation(found.dt_s, following.excess_ned_m, ZERO3, 0.0)
-        return _fast_slide(excess, before, after, False, resets)
+        return _fast_slide(following, excess, before, after, False, resets, slides)
     return Outcome(following, found)
 
 
 def _announced(
-    memory: SlideState, before: Sample, after: Sample, found: Innovation, steps: int, resets: ResetParameters
+    memory: SlideState,
+    before: Sample,
+    after: Sample,
+    found: Innovation,
+    steps: int,
+    resets: ResetParameters,
+    slides: SlideParameters,
 ) -> Outcome:
     """The counter stepped: name the kinds. Without any, the sample is motion that is worth an event."""
     reset = reset_tracker.identified(found, after.arrival_s, before.position_variance_m2, parameters=resets)
     cause = reset_tracker.ambiguity(reset, steps)
-    kept = SlideState(memory.excess_ned_m)
-    return Outcome(kept, None, False, reset if reset.kinds else None, "reset", cause, steps)
+    if not reset.kinds:
+        kept = SlideState(memory.excess_ned_m, memory.excess_ned_m_s)
+        return Outcome(kept, name="reset", cause=cause, counter_steps=steps)
+    speed, through = slide.absorbed(memory.excess_ned_m_s, reset, parameters=slides)
+    return Outcome(SlideState(memory.excess_ned_m, speed), None, False, reset, through, "reset", cause, steps)
 
 
 def _unannounced(
@@ -97,15 +108,25 @@ def _unannounced(
         if dt > 0.0 and not slide.jumps(among, parameters=slides):
             agreeing = memory.agreeing + 1
     if agreeing < slides.agreeing_samples:
-        return Outcome(SlideState(memory.excess_ned_m, after, agreeing), refused=True)
+        return Outcome(SlideState(memory.excess_ned_m, memory.excess_ned_m_s, after, agreeing), refused=True)
     total = Innovation(
         found.dt_s, add(found.position_ned_m, memory.excess_ned_m), found.velocity_ned_m_s, found.yaw_rad
     )
-    return _fast_slide(total, before, after, gap, resets)
+    return _fast_slide(memory, total, before, after, gap, resets, slides)
 
 
-def _fast_slide(found: Innovation, before: Sample, after: Sample, gap: bool, resets: ResetParameters) -> Outcome:
+def _fast_slide(
+    memory: SlideState,
+    found: Innovation,
+    before: Sample,
+    after: Sample,
+    gap: bool,
+    resets: ResetParameters,
+    slides: SlideParameters,
+) -> Outcome:
     """The estimate moved by itself: a reset that nobody announced. After a gap nobody can say by how much."""
     variance = before.position_variance_m2
     reset = reset_tracker.identified(found, after.arrival_s, variance, lost=gap, parameters=resets)
-    return Outcome(SETTLED, None, False, reset, "fast_slide", "after_gap" if gap else "")
+    speed, through = slide.absorbed(memory.excess_ned_m_s, reset, parameters=slides)
+    kept = SETTLED if speed == ZERO3 else SlideState(ZERO3, speed)
+    return Outcome(kept, None, False, reset, through, "fast_slide", "after_gap" if gap else "")

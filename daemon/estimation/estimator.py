@@ -43,7 +43,8 @@ class Estimate:
     ``newest``: the accepted sample, or what the filter makes of it, at the loop-clock time at which it was true; None
     before the first.
     ``age_s``: now minus that time; inf when there is none. ``reset``, ``refused`` and ``events``: of this tick.
-    ``shift``: sum of all resets, this tick's included. ``position_variance_m2``: inf when there is no sample.
+    ``reset`` is by how much ``newest`` jumped: that of a velocity fades in, its whole size is in the event.
+    ``shift``: sum of these resets, this tick's included. ``position_variance_m2``: inf when there is no sample.
     ``disagreement_rad``: between the autopilot's tilt and that of the cross-check, low-passed.
     ``corrections``: what the filter took or refused in this tick, by source.
     """

@@ -29,7 +29,7 @@ class Event:
     """Something to tell: ``reset``, ``fast_slide``, ``regained``, ``clock_stepped``.
 
     ``cause`` says more where a name is not enough: the reset's ambiguity (see ``reset_tracker``).
-    ``reset`` has the kinds and deltas, ``counter_steps`` how often the autopilot counted.
+    ``reset`` has the kinds and deltas of the autopilot's numbers, ``counter_steps`` how often the autopilot counted.
     """
 
     name: str
@@ -55,7 +55,7 @@ class IntakeState:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Taken:
-    """What became of a message: a reset that it showed, the reason why it was refused, events."""
+    """What became of a message: a reset as it came through, the reason why it was refused, events."""
 
     reset: Reset | None = None
     refused: Refusal | None = None
@@ -106,7 +106,7 @@ def take(
     events: tuple[Event, ...] = () if verdict is Verdict.GOOD else (Event("clock_stepped", now_s),)
     if outcome.name:
         events += (Event(outcome.name, now_s, outcome.cause, outcome.reset, outcome.counter_steps),)
-    return _accepted(state, odometry, sample, ticking, outcome, parameters), Taken(outcome.reset, None, events)
+    return _accepted(state, odometry, sample, ticking, outcome, parameters), Taken(outcome.through, None, events)
 
 
 def _accepted(
@@ -117,12 +117,12 @@ def _accepted(
     outcome: Outcome,
     parameters: IntakeParameters,
 ) -> IntakeState:
-    """The sample becomes the newest state, less the excess of a slide."""
-    reset, found, variance = outcome.reset, outcome.innovation, sample.position_variance_m2
+    """The sample becomes the newest state, less what is not yet let through."""
+    reset, found, variance = outcome.through, outcome.innovation, sample.position_variance_m2
     newest = EstimatedState(
         clock.loop_time_s(ticking, sample.stamp_us, parameters=parameters.clock),
         subtract(sample.position_ned_m, outcome.slide.excess_ned_m),
-        sample.velocity_ned_m_s,
+        subtract(sample.velocity_ned_m_s, outcome.slide.excess_ned_m_s),
         sample.attitude_wb,
         sample.rates_frd_rad_s,
         variance,

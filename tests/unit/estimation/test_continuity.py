@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
-from math import pi, radians
+from math import exp, pi, radians
 
 import pytest
 
@@ -73,14 +73,15 @@ def test_flight_without_reset_shows_none(circle):
 def test_each_kind_and_combination_is_told_by_its_deltas(circle, jump, kinds):
     steps = len(kinds)
     estimates = fly(circle[:100] + [moved(m, **jump, steps=steps) for m in circle[100:]])
-    ((index, reset),) = resets(estimates)
+    ((index, event),) = events(estimates)
+    reset = event.reset
     assert index == 100
     assert reset.kinds == kinds
     assert reset.position_ned_m == pytest.approx(jump.get("position", ZERO3), abs=0.02)
     assert reset.velocity_ned_m_s == pytest.approx(jump.get("velocity", ZERO3), abs=0.07)
     assert reset.yaw_rad == pytest.approx(jump.get("yaw_rad", 0.0), abs=0.01)
     assert not reset.truth_returned
-    assert events(estimates)[0][1].cause == ""
+    assert event.cause == ""
     assert estimates[100].newest.position_ned_m == pytest.approx(
         frames.add(circle[100].position_m, jump.get("position", ZERO3))
     )
@@ -276,6 +277,35 @@ def test_a_slide_too_quick_for_the_gate_is_coasted_over_and_taken_at_its_end(cir
     assert event.name == "fast_slide"
     assert 110 <= index <= 113
     assert event.reset.position_ned_m == pytest.approx((3.0, 0.0, 0.0), abs=0.1)
+
+
+def test_a_reset_of_the_velocity_fades_in(circle):
+    after = [moved(m, velocity=(1.0, 0.0, 0.0), steps=1) for m in circle[100:]]
+    estimates = fly(circle[:100] + after)
+    assert resets(estimates)[0][1].velocity_ned_m_s == ZERO3
+    late = [
+        frames.subtract(e.newest.velocity_ned_m_s, m.velocity_m_s)[0]
+        for e, m in zip(estimates[100:], circle[100:], strict=True)
+    ]
+    assert late[0] == pytest.approx(0.0, abs=0.06)
+    assert late[60] == pytest.approx(1.0 - exp(-1.0), abs=0.03)  # 0.6 s later
+    assert max(b - a for a, b in pairwise(late)) < 0.02
+
+
+def test_a_large_reset_of_the_velocity_fades_in_to_its_bound_and_comes_at_once_beyond(circle):
+    after = [moved(m, velocity=(0.0, 5.0, 0.0), steps=1) for m in circle[100:]]
+    estimates = fly(circle[:100] + after)
+    assert resets(estimates)[0][1].velocity_ned_m_s == pytest.approx((0.0, 2.0, 0.0), abs=0.1)
+    jump = frames.subtract(estimates[100].newest.velocity_ned_m_s, estimates[99].newest.velocity_ned_m_s)
+    assert jump == pytest.approx((0.0, 2.0, 0.0), abs=0.1)
+
+
+def test_the_truth_is_not_faded(circle):
+    lost = [replace(m, position_variance_m2=(40.0, 40.0, 0.1)) for m in circle[:100]]
+    after = [moved(m, position=(9.0, -75.0, 0.0), velocity=(1.6, -2.0, 0.0), steps=4) for m in circle[100:]]
+    estimates = fly(lost + after)
+    assert estimates[100].newest.velocity_ned_m_s == after[0].velocity_m_s
+    assert estimates[100].reset.velocity_ned_m_s == pytest.approx((1.6, -2.0, 0.0), abs=0.1)
 
 
 def test_a_reboot_of_the_autopilot_ends_the_old_frame(circle):
