@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from daemon.pipeline import Inputs, PipelineState, Record
+from daemon.recording.live import Live
 from daemon.recording.topics import Step
 from daemon.recording.writer import RecordWriter
 
@@ -34,6 +35,7 @@ class RecordingSettings:
     """Where and how much. ``when``: ``armed`` records flights with ``before_s`` and ``after_s`` around, or ``always``.
 
     A file is closed at ``max_file_mb``; beyond ``keep_mb`` in the directory the oldest records are removed.
+    ``enabled`` False writes no files; ``live_port`` serves the same topics on loopback (None: it does not).
     """
 
     directory: Path
@@ -44,6 +46,8 @@ class RecordingSettings:
     keep_mb: float = 4096.0
     path_poses: int = 200
     period_s: float = 0.01
+    enabled: bool = True
+    live_port: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +80,10 @@ class Recorder:
         clock: Callable[[], float] = time.monotonic,
         wall: Callable[[], float] = time.time,
     ) -> None:
-        self._writer = RecordWriter(settings, about, wall() - clock())
+        self._settings = settings
+        self._wall_s = wall() - clock()
+        self._writer = RecordWriter(settings, about, self._wall_s)
+        self._live: Live | None = None
         self._clock = clock
         self._entries: deque[Step | Note] = deque()
         self._dropped = 0
@@ -134,12 +141,17 @@ class Recorder:
         self._entries.append(Note(kind, now_s, {"time_s": now_s, **payload}))
 
     def _run(self) -> None:
+        settings = self._settings
+        if settings.live_port is not None:
+            self._live = Live(settings.live_port, self._wall_s, settings.path_poses, settings.period_s)
         while not self._closing:
             self._wake.wait(IDLE_S)
             self._wake.clear()
             self._drain()
         self._drain()
         self._writer.close()
+        if self._live is not None:
+            self._live.close()
 
     def _drain(self) -> None:
         try:
@@ -154,8 +166,11 @@ class Recorder:
             self._writer.gap(dropped, self._clock())
         for _ in range(len(self._entries)):
             entry = self._entries.popleft()
-            if isinstance(entry, Step):
-                self._writer.tick(entry)
-            else:
-                self._writer.note(entry.kind, entry.time_s, entry.payload)
+            for side in (self._writer, self._live):
+                if side is None:
+                    continue
+                if isinstance(entry, Step):
+                    side.tick(entry)
+                else:
+                    side.note(entry.kind, entry.time_s, entry.payload)
         self._writer.flush_if_due()

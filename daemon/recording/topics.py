@@ -154,7 +154,8 @@ class Topics:
         """Write what is new in the inputs, and the record."""
         ns = self.stamp_ns(step.record.now_s)
         self._inputs(step.inputs, ns)
-        self._tick.log(TICK.pack(step.record), log_time=ns)
+        if self._tick.has_sinks():  # a live view may look elsewhere
+            self._tick.log(TICK.pack(step.record), log_time=ns)
         self._count += 1
         if self._count % _SCENE_EVERY == 0:
             self._scene.show(step.record, ns)
@@ -164,6 +165,15 @@ class Topics:
         ns = self.stamp_ns(payload["time_s"])
         self._event.log(dict(payload), log_time=ns)
         self._scene.tell(str(payload["code"]), str(payload["text"]), ns)
+
+    def note(self, kind: str, time_s: float, payload: Mapping[str, Any]) -> None:
+        """An event, a goal or a plan, by its kind."""
+        if kind == "goal":
+            self.goal(time_s, payload)
+        elif kind == "plan":
+            self.plan(payload)
+        else:
+            self.event(payload)
 
     def goal(self, time_s: float, payload: Mapping[str, Any]) -> None:
         """A goal that was submitted, updated, or ended: ``what``, ``goal_id`` and the protocol's own keys."""

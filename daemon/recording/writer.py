@@ -50,7 +50,9 @@ class RecordWriter:
         now_s = step.record.now_s
         if step.inputs.status.armed:
             self._armed_s = now_s
-        wanted = self._settings.when == "always" or now_s - self._armed_s <= self._settings.after_s
+        wanted = self._settings.enabled and (
+            self._settings.when == "always" or now_s - self._armed_s <= self._settings.after_s
+        )
         if wanted and self._sink is None and time.monotonic() >= self._retry_s:
             self._open(now_s)
         if self._sink is None:
@@ -64,14 +66,8 @@ class RecordWriter:
 
     def note(self, kind: str, time_s: float, payload: Mapping[str, Any]) -> None:
         """Write an event, a goal or a plan while a file is open."""
-        if self._sink is None:
-            return
-        if kind == "goal":
-            self._guarded(lambda: self._topics.goal(time_s, payload))
-        elif kind == "plan":
-            self._guarded(lambda: self._topics.plan(payload))
-        else:
-            self._guarded(lambda: self._topics.event(payload))
+        if self._sink is not None:
+            self._guarded(lambda: self._topics.note(kind, time_s, payload))
 
     def gap(self, dropped: int, now_s: float) -> None:
         """Entries were lost before the next one: say so, and let a replay begin anew after it."""
