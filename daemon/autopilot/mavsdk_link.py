@@ -97,11 +97,10 @@ class _Wire:
         return True
 
     def send(self, message: Message) -> bool:
-        """Send a message of field dicts; NaN travels as null."""
+        """Send a message of field dicts; NaN travels as null, MAVSDK fills in the target ids."""
         name, fields = message
-        targets = {"target_system": self.system_id, "target_component": _AUTOPILOT_COMPONENT}
         numbers = {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in fields.items()}
-        return self.send_json(name, json.dumps(targets | numbers))
+        return self.send_json(name, json.dumps(numbers))
 
     def send_setpoint(self, setpoint: Setpoint) -> bool:
         """Send SET_ATTITUDE_TARGET; a number that is not finite is never sent."""
