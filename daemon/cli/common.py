@@ -169,7 +169,7 @@ def exit_with(result: Result) -> NoReturn:
     raise typer.Exit(int(OUTCOME_EXITS[result.outcome]))
 
 
-def on_interrupt(action: Callable[[], None]) -> None:
+def on_interrupt(action: Callable[[], object]) -> None:
     """Run ``action`` in the running loop at the first Ctrl-C or SIGTERM; the second is the usual one."""
     loop = asyncio.get_running_loop()
 

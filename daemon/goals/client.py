@@ -27,10 +27,13 @@ READ_TRIES = 3
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """One notification of a topic."""
+    """One notification of a topic; ``data`` has the shape that `daemon.goals.results` gives it.
+
+    The topic ``goal`` has two: ``data["notification"]`` is goal.feedback or goal.result.
+    """
 
     topic: str
-    data: dict[str, Any]
+    data: Any
 
 
 @dataclass(eq=False, slots=True)

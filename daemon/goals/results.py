@@ -4,7 +4,9 @@ Vectors are lists of three numbers in local NED; quaternions ``[w, x, y, z]``, b
 all else SI. ``time_s`` is CLOCK_MONOTONIC. A value that is not known is null, its key is there.
 """
 
-from typing import Literal, TypedDict
+from typing import Literal
+
+from typing_extensions import TypedDict
 
 Vector = list[float]
 SettingValue = bool | float | str | list[float]

@@ -42,7 +42,7 @@ def test_goto_refused_is_2_with_the_field_and_the_reason(flightd, path):
 def test_goto_preempted_is_3(flightd, path):
     with serving_in_thread(path) as daemon:
         first = flightd.start("goto", "1", "0", "-5")
-        wait_until(lambda: daemon.active is not None)
+        daemon.wait_until(lambda: daemon.active is not None)
         second = flightd.start("goto", "2", "0", "-5")
         out, _ = first.communicate(timeout=30)
         assert first.returncode == 3
@@ -54,7 +54,7 @@ def test_goto_preempted_is_3(flightd, path):
 def test_interrupt_cancels_the_goal_and_is_4(flightd, path):
     with serving_in_thread(path) as daemon:
         process = flightd.start("goto", "1", "0", "-5")
-        wait_until(lambda: daemon.active is not None)
+        daemon.wait_until(lambda: daemon.active is not None)
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=30)
         assert [record["outcome"] for record in daemon.records.values()] == ["canceled"]
@@ -116,7 +116,7 @@ def test_wrong_state_tells_the_next_step(flightd, path):
 def test_cancel_names_the_goal(flightd, path):
     with serving_in_thread(path) as daemon:
         process = flightd.start("goto", "1", "0", "-5")
-        wait_until(lambda: daemon.active is not None)
+        daemon.wait_until(lambda: daemon.active is not None)
         goal_id = daemon.active
         assert goal_id in flightd("cancel").out
         process.communicate(timeout=30)
@@ -128,13 +128,3 @@ def test_help_shows_an_example_and_the_exit_codes(flightd, name):
     shown = flightd(name, "--help").out
     assert f"flightd {name}" in shown
     assert "5 no daemon" in " ".join(shown.split())
-
-
-def wait_until(condition):
-    import threading
-
-    for _ in range(3000):
-        if condition():
-            return
-        threading.Event().wait(0.01)
-    raise AssertionError("it never came")

@@ -121,6 +121,15 @@ class FakeFlight:
         keys = ("outcome", "by", "reason", "error_m", "error_deg", "duration_s")
         return {"goal_id": goal_id, "state": "active"} | dict.fromkeys(keys) | known
 
+    @staticmethod
+    def wait_until(condition):
+        """Wait in another thread than the daemon's until something is so."""
+        for _ in range(3000):
+            if condition():
+                return
+            threading.Event().wait(0.01)
+        raise AssertionError("it never came")
+
     def feedback(self, goal_id, left=0.5):
         feedback = {"goal_id": goal_id, "distance_m": 10.0 * left, "angle_deg": 2.0, "progress": 1.0 - left}
         self.hub.goal_feedback(feedback | {"eta_s": 5.0 * left})
@@ -212,6 +221,7 @@ def serving_in_thread(path: Path, **fake):
     thread = threading.Thread(target=lambda: asyncio.run(serve()), daemon=True)
     thread.start()
     assert started.wait(10.0)
+    holder["flight"].loop = holder["loop"]
     try:
         yield holder["flight"]
     finally:

@@ -1,0 +1,194 @@
+"""`flightd doctor`: checks an installation and says how to mend what is wrong."""
+
+import os
+import platform
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import typer
+
+from daemon.cli.common import JsonOption, SocketOption, examples, on_terminal, say, say_json
+from daemon.cli.daemon_commands import ConfigFiles
+from daemon.goals.client import FlightClient
+from daemon.goals.client_errors import FlightError
+from daemon.goals.results import HealthTelemetry, SystemInfo
+
+IMPORT_TIMEOUT_S = 30.0
+ANSWER_TIMEOUT_S = 5.0
+FIRST_YEAR = 2025
+LATE_PERIOD_MS = 15.0
+
+
+class Level(StrEnum):
+    """How a check went."""
+
+    GOOD = "good"
+    WARNING = "warning"
+    BAD = "bad"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One check: what was looked at, what was found, and how to mend it."""
+
+    level: Level
+    name: str
+    text: str
+    mend: str = ""
+
+
+def check_python() -> Finding:
+    """The interpreter's version."""
+    return Finding(Level.GOOD, "Python", f"{platform.python_version()} ({sys.executable})")
+
+
+def check_mavsdk() -> Finding:
+    """MAVSDK's library, loaded in a process of its own: a broken one would take this one along."""
+    try:
+        text = version("mavsdk")
+    except PackageNotFoundError:
+        return Finding(Level.BAD, "MAVSDK", "is not installed", "pip install flightd")
+    command = [sys.executable, "-c", "import daemon.autopilot.mavsdk_link"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=IMPORT_TIMEOUT_S, check=False)
+    except subprocess.TimeoutExpired:
+        return Finding(
+            Level.BAD, "MAVSDK", f"{text} does not load within {IMPORT_TIMEOUT_S:g} s", "look at the CPU load"
+        )
+    if done.returncode != 0:
+        last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
+        return Finding(Level.BAD, "MAVSDK", f"{text} does not load: {last}", "pip install --force-reinstall mavsdk")
+    return Finding(Level.GOOD, "MAVSDK", text)
+
+
+def check_connection(files: list[Path]) -> Finding:
+    """The configured connection; for a serial one whether its port may be opened."""
+    from daemon.config import ConfigError, load
+
+    try:
+        url = load(files).link.connection
+    except ConfigError as error:
+        return Finding(Level.BAD, "configuration", str(error), "flightd check-config names each mistake")
+    if not url.startswith("serial"):
+        return Finding(Level.GOOD, "connection", f"{url} (not serial)")
+    port = Path(url.split("://", 1)[-1].rsplit(":", 1)[0])
+    if not port.exists():
+        return Finding(Level.BAD, "serial port", f"there is no {port}", "check the cable, or set link.connection")
+    if not os.access(port, os.R_OK | os.W_OK):
+        group = port.group()
+        return Finding(
+            Level.BAD, "serial port", f"{port} may not be opened", f"sudo usermod -aG {group} $USER, log in again"
+        )
+    return Finding(Level.GOOD, "serial port", str(port))
+
+
+def check_clock() -> Finding:
+    """The clocks: a monotonic one that is fine enough, a wall clock that is set (for log stamps only)."""
+    resolution_s = time.get_clock_info("monotonic").resolution
+    if resolution_s > 1e-4:
+        return Finding(
+            Level.BAD, "clock", f"ticks every {1e3 * resolution_s:g} ms", "use a kernel with high-resolution timers"
+        )
+    if time.gmtime().tm_year < FIRST_YEAR:
+        return Finding(
+            Level.WARNING, "clock", "the wall clock is not set", "enable NTP: records will carry wrong dates"
+        )
+    return Finding(Level.GOOD, "clock", f"resolution {1e9 * resolution_s:g} ns")
+
+
+def check_realtime() -> Finding:
+    """Rights to run before everything else and to keep the memory in place."""
+    priority, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
+    if os.geteuid() == 0 or priority != 0:
+        return Finding(Level.GOOD, "real-time rights", "granted")
+    mend = "run as the service, or set LimitRTPRIO=10 and LimitMEMLOCK=infinity (docs: systemd/)"
+    return Finding(Level.WARNING, "real-time rights", "none for this user", mend)
+
+
+def check_governor() -> Finding:
+    """The processor's frequency governor: a sleepy one makes ticks late."""
+    file = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
+    governor = file.read_text().strip() if file.exists() else "none"
+    if governor in ("powersave", "ondemand", "conservative"):
+        return Finding(Level.WARNING, "CPU governor", governor, "sudo cpupower frequency-set -g performance")
+    return Finding(Level.GOOD, "CPU governor", governor)
+
+
+async def _ask(flight: FlightClient) -> tuple[SystemInfo, HealthTelemetry | None]:
+    import asyncio
+
+    info = await flight.info()
+    stream = flight.telemetry("health", rate_hz=5.0)
+    try:
+        return info, (await asyncio.wait_for(anext(stream), ANSWER_TIMEOUT_S)).data
+    except TimeoutError:
+        return info, None
+    finally:
+        await stream.aclose()  # type: ignore[attr-defined]
+
+
+def check_daemon(socket: Path | None) -> Iterator[Finding]:
+    """The running daemon: its socket, the autopilot, and what it warns of (streams, parameters)."""
+    import asyncio
+
+    async def ask() -> tuple[SystemInfo, HealthTelemetry | None, float]:
+        async with FlightClient(socket, reconnect_s=0.0) as flight:
+            info, health = await _ask(flight)
+            return info, health, (await flight.status())["loops"]["control"]["period_p99_ms"]
+
+    try:
+        info, health, period_ms = asyncio.run(ask())
+    except FlightError as error:
+        yield Finding(
+            Level.WARNING, "daemon", str(error), "without a running daemon autopilot and streams go unchecked"
+        )
+        return
+    yield Finding(Level.GOOD, "daemon", f"{info['name']} {info['version']}, protocol {info['protocol']}")
+    if health is None:
+        yield Finding(Level.BAD, "autopilot", "the daemon tells nothing of its health", "look at its log")
+        return
+    if not health["autopilot"]["connected"]:
+        yield Finding(
+            Level.BAD, "autopilot", "is not connected", "check cable, baud rate and MAV_*_CONFIG on the autopilot"
+        )
+        return
+    yield Finding(Level.GOOD, "autopilot", f"connected, {health['autopilot']['mode']}")
+    for reason in health["reasons"][1:]:
+        yield Finding(Level.WARNING, reason["code"], reason["text"])
+    late = period_ms > LATE_PERIOD_MS
+    mend = "look at the CPU load; grant real-time rights" if late else ""
+    yield Finding(Level.WARNING if late else Level.GOOD, "control loop", f"period p99 {period_ms:.1f} ms", mend)
+
+
+def doctor(config: ConfigFiles = None, as_json: JsonOption = False, socket: SocketOption = None) -> None:
+    """Check this installation and say how to mend what is wrong. Exit code 1 if something is bad."""
+    findings = [check_python(), check_mavsdk(), check_connection(config or []), check_clock(), check_realtime()]
+    findings += [check_governor(), *check_daemon(socket)]
+    if as_json:
+        say_json([asdict(finding) for finding in findings])
+    else:
+        for finding in findings:
+            _say(finding)
+    raise typer.Exit(int(any(finding.level is Level.BAD for finding in findings)))
+
+
+COLORS = {Level.GOOD: typer.colors.GREEN, Level.WARNING: typer.colors.YELLOW, Level.BAD: typer.colors.RED}
+
+
+def _say(finding: Finding) -> None:
+    level = f"{finding.level:<8}"
+    say(f"{typer.style(level, fg=COLORS[finding.level]) if on_terminal() else level} {finding.name}: {finding.text}")
+    if finding.mend:
+        say(f"         {finding.mend}")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command(epilog=examples("flightd doctor", "flightd doctor --config config/x500.yaml"))(doctor)

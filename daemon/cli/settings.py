@@ -1,0 +1,62 @@
+"""`flightd config`: read and change settings of the running daemon."""
+
+import json
+from typing import Annotated
+
+import typer
+
+from daemon.cli.common import MINUS as HIDDEN_MINUS
+from daemon.cli.common import JsonOption, NumbersCommand, SocketOption, examples, run, say, say_json
+from daemon.goals.results import Setting, SettingValue
+
+PathArgument = Annotated[str, typer.Argument(metavar="PATH", help="Dotted path, such as limits.speed_m_s.")]
+
+
+def get(path: PathArgument, as_json: JsonOption = False, socket: SocketOption = None) -> None:
+    """Show a setting, its range and its unit."""
+    _show(run(lambda flight: flight.get_config(path), socket, as_json), as_json)
+
+
+def change(
+    path: PathArgument,
+    value: Annotated[str, typer.Argument(metavar="VALUE", help="A number, true, false, a list of numbers, or a word.")],
+    as_json: JsonOption = False,
+    socket: SocketOption = None,
+) -> None:
+    """Change a setting until the daemon restarts; only gains and limits, within their ranges."""
+    wanted = parse_value(value)
+    _show(run(lambda flight: flight.set_config(path, wanted), socket, as_json), as_json)
+
+
+def parse_value(text: str) -> SettingValue:
+    """What a word of the command line means: JSON if it is, else the word itself."""
+    plain = text.replace(HIDDEN_MINUS, "-")
+    try:
+        found = json.loads(plain)
+    except ValueError:
+        return plain
+    return found if isinstance(found, bool | int | float | list) else plain
+
+
+def _show(setting: Setting, as_json: bool) -> None:
+    if as_json:
+        say_json(dict(setting))
+        return
+    unit = f" {setting['unit']}" if setting["unit"] else ""
+    bounds = ""
+    if setting["min"] is not None or setting["max"] is not None:
+        bounds = f" ({_bound(setting['min'])} to {_bound(setting['max'])}{unit})"
+    fixed = "" if setting["settable"] else ", fixed while the daemon runs"
+    say(f"{setting['path']} = {json.dumps(setting['value'])}{unit}{bounds}{fixed}")
+
+
+def _bound(value: float | None) -> str:
+    return "any" if value is None else f"{value:g}"
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    settings = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Read and change settings.")
+    settings.command(epilog=examples("flightd config get limits.speed_m_s"))(get)
+    settings.command("set", cls=NumbersCommand, epilog=examples("flightd config set limits.speed_m_s 3"))(change)
+    app.add_typer(settings, name="config")

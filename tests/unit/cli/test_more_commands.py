@@ -1,0 +1,147 @@
+import json
+import subprocess
+import sys
+
+import pytest
+from fake_flight import serving_in_thread
+from typer.testing import CliRunner
+
+from daemon.cli import doctor
+from daemon.cli.main import COMMANDS, build
+from daemon.cli.settings import parse_value
+from daemon.cli.watch import Picture, rows
+from daemon.goals.client import Telemetry
+
+
+def test_path_takes_threes_of_numbers(flightd, path):
+    with serving_in_thread(path, auto="succeeded") as daemon:
+        done = flightd("path", 0, 0, -5, 10, -2.5, "-5", "--through", "fly_by", "--yaw", "-45", "--max-speed", 2)
+        assert done.returncode == 0, done.err
+        submitted = daemon.calls[0][1]
+    assert [point.position for point in submitted.path.waypoints] == [(0, 0, -5), (10, -2.5, -5)]
+    assert (submitted.path.through, submitted.path.waypoints[1].yaw_deg) == ("fly_by", -45.0)
+    assert submitted.limits.speed_m_s == 2.0
+
+
+def test_path_with_a_number_too_few_is_refused(flightd):
+    done = flightd("path", 0, 0, -5, 10)
+    assert done.returncode == 2
+    assert "multiple of three" in done.err
+
+
+def test_fly_submits_the_shape(flightd, path):
+    with serving_in_thread(path, auto="succeeded") as daemon:
+        turn = ("--radius", 3, "--speed", 2, "--direction", "ccw", "--heading", "target")
+        assert flightd("fly", "circle", 0, "-1", -5, *turn).returncode == 0
+        assert flightd("fly", "lemniscate", 0, 0, -5, "--length", 8, "--width", 4, "--turns", 2).returncode == 0
+        assert flightd("fly", "hold", 3).returncode == 0
+        circle, eight, hold = (call[1].trajectory for call in daemon.calls)
+    assert (circle.center, circle.radius_m, circle.speed_m_s, circle.direction) == ((0, -1, -5), 3, 2, "ccw")
+    assert circle.heading == "target"
+    assert (eight.size_m, eight.turns) == ((8, 4), 2)
+    assert hold.duration_s == 3
+
+
+def test_config_shows_and_changes_within_the_range(flightd, path):
+    with serving_in_thread(path):
+        assert flightd("config", "get", "limits.speed_m_s").out == "limits.speed_m_s = 5.0 m/s (0.1 to 15 m/s)\n"
+        assert json.loads(flightd("config", "set", "limits.speed_m_s", "3.5", "--json").out)["value"] == 3.5
+        refused = flightd("config", "set", "limits.speed_m_s", "-3")
+    assert refused.returncode == 2
+    assert "value: -3 is not within 0.1 to 15 m/s" in refused.err
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("3", 3),
+        ("-3.5", -3.5),
+        ("true", True),
+        ("[1, 2]", [1, 2]),
+        ("fly_by", "fly_by"),
+        ("null", "null"),
+        ("{}", "{}"),
+    ],
+)
+def test_words_of_the_command_line_become_values(text, value):
+    assert parse_value(text) == value
+
+
+def test_watch_prints_events_as_lines_when_nobody_looks(flightd, path):
+    with serving_in_thread(path) as daemon:
+        process = flightd.start("watch", "--json")
+        daemon.wait_until(lambda: daemon.hub._gates["events"])
+        daemon.loop.call_soon_threadsafe(daemon.hub.event, "reset", "the heading was reset")
+        line = json.loads(process.stdout.readline())
+        assert (line["topic"], line["code"]) == ("events", "reset")
+        process.terminate()
+        process.communicate(timeout=30)
+    assert process.returncode == 0
+
+
+def test_live_view_shows_error_goal_and_events():
+    picture = Picture()
+    vector = {"position_ned_m": [1.0, 2.0, -3.0], "velocity_ned_m_s": [0.0, 0.0, 0.0]}
+    feedback = {"goal_id": "g-1", "distance_m": 4.0, "angle_deg": 1.0, "progress": 0.5, "eta_s": 3.0}
+    event = {"time_s": 1.0, "code": "reset", "text": "the heading was reset", "goal_id": None, "field": None}
+    picture.take(Telemetry("state", vector | {"age_s": 0.004}))
+    picture.take(Telemetry("reference", vector | {"position_ned_m": [1.0, 2.5, -3.0]}))
+    picture.take(Telemetry("goal", feedback | {"notification": "goal.feedback"}))
+    picture.take(Telemetry("events", event))
+    shown = dict(rows(picture))
+    assert "E    -0.50" in shown["error"]
+    assert shown["goal"] == "g-1: 50%, 4.0 m, 3 s to go"
+    assert "heading was reset" in shown["events"]
+    ended = {"goal_id": "g-1", "outcome": "aborted", "reason": "timeout", "notification": "goal.result"}
+    picture.take(Telemetry("goal", ended))
+    assert "goal" not in dict(rows(picture))
+    assert picture.recent[-1] == "g-1 aborted: timeout"
+
+
+def test_doctor_names_what_is_wrong_and_how_to_mend_it(tmp_path, monkeypatch):
+    config = tmp_path / "c.yaml"
+    config.write_text("link:\n  connection: serial:///dev/nowhere:921600\n")
+    found = doctor.check_connection([config])
+    assert (found.level, found.text) == ("bad", "there is no /dev/nowhere") and found.mend
+    config.write_text("link:\n  connexion: 3\n")
+    assert doctor.check_connection([config]).level == "bad"
+    monkeypatch.setattr(doctor, "version", lambda name: "4.1.0")
+    monkeypatch.setattr(sys, "executable", "/bin/false")
+    assert doctor.check_mavsdk().level == "bad"
+
+
+def test_doctor_without_a_daemon_warns_and_with_one_asks_it(flightd, path, monkeypatch):
+    alone = flightd("doctor", "--json")
+    assert alone.returncode == 0
+    assert {"level": "warning", "name": "daemon"}.items() <= json.loads(alone.out)[-1].items()
+    monkeypatch.setattr(doctor, "ANSWER_TIMEOUT_S", 0.01)
+    with serving_in_thread(path):
+        found = {finding.name: finding.level for finding in doctor.check_daemon(path)}
+    assert found == {"daemon": "good", "autopilot": "bad"}
+
+
+def test_each_command_is_in_the_module_that_the_table_names():
+    for command in COMMANDS:
+        app = build(command)
+        names = {info.name or info.callback.__name__ for info in app.registered_commands}
+        names |= {group.name for group in app.registered_groups}
+        assert command in {name.replace("_", "-").rstrip("-") for name in names}, command
+
+
+def test_clients_start_without_what_only_the_daemon_needs():
+    """`flightd status` must start fast: the client needs none of these."""
+    script = "import sys, daemon.cli.vehicle; print({'numpy', 'structlog', 'yaml', 'rich'} & sys.modules.keys())"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=30)
+    assert done.stdout.strip() == "set()"
+
+
+def test_shell_completion_is_offered(flightd):
+    shown = flightd("--show-completion", "bash")
+    assert "_FLIGHTD_COMPLETE" in shown.out
+
+
+@pytest.mark.parametrize("command", [None, *COMMANDS])
+def test_every_help_page_opens(command):
+    shown = CliRunner().invoke(build(command), [command, "--help"] if command else ["--help"], prog_name="flightd")
+    assert shown.exit_code == 0
+    assert f"Usage: flightd {command or '[OPTIONS]'}" in shown.output
