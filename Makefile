@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test check bench soak docs-figures clean
+.PHONY: demo test check bench soak docs-figures replay-update clean
 
 demo: $(STAMP)
 	$(BIN)/flightd demo
@@ -20,6 +20,10 @@ check: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/flightd bench loop
+
+# On purpose only: the flow is meant to answer differently from now on.
+replay-update: $(STAMP)
+	PYTHONPATH=tests $(BIN)/python tests/replay/references.py
 
 $(STAMP): pyproject.toml
 	$(PYTHON) -m venv $(VENV) || python3 -m venv $(VENV)
