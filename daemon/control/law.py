@@ -67,40 +67,26 @@ def fly(
     """One pass on sound inputs: rates and thrust wanted, within the limits of tilt and full thrust."""
     position_error = subtract(predicted.position_ned_m, reference.position_ned_m)
     velocity_error = subtract(predicted.velocity_ned_m_s, reference.velocity_ned_m_s)
-    feedback = ZERO3
-    if not p.feedthrough:
-        feedback = position_law.feedback(
-            position_error,
-            velocity_error,
-            p.position_gain_1_s2,
-            p.velocity_gain_1_s,
-            approach_max_m_s=p.approach_max_m_s,
-            feedback_max_m_s2=p.feedback_max_m_s2,
-        )
+    feedback = ZERO3 if p.feedthrough else _feedback(position_error, velocity_error, p)
     yaw_rad, yaw_rate_rad_s, heading_rad = _heading(memory, reference, p)
-    thrust, thrust_derivative = _thrust_vector(predicted, reference, feedback, model.disturbance_ned_m_s2, yaw_rad, p)
-    full_m_s2 = _full_thrust_m_s2(model, p)
+    thrust, derivative = _thrust_vector(predicted, reference, feedback, model.disturbance_ned_m_s2, yaw_rad, p)
     thrust, cut = limits.thrust_vector(
-        thrust, tilt_max_rad=p.tilt_max_rad, full_m_s2=full_m_s2, vertical_min_m_s2=p.vertical_thrust_min_m_s2
+        thrust,
+        tilt_max_rad=p.tilt_max_rad,
+        full_m_s2=_full_thrust_m_s2(model, p),
+        vertical_min_m_s2=p.vertical_thrust_min_m_s2,
     )
     attitude_wb = predicted.attitude_wb
     desired_wb = flatness.attitude_from_thrust(thrust, yaw_rad, attitude_wb, p.heading_axis)
-    rates = _attitude_rates(attitude_wb, desired_wb, thrust, p)
     feed_forward, slow = ZERO3, None
     if p.rate_feed_forward:
-        wanted = flatness.body_rates(desired_wb, thrust, thrust_derivative, yaw_rad, yaw_rate_rad_s)
+        wanted = flatness.body_rates(desired_wb, thrust, derivative, yaw_rad, yaw_rate_rad_s)
         lead, slow = _lead(memory, wanted, dt_s, p)
         feed_forward = rotate(multiply(conjugate(attitude_wb), desired_wb), lead)
-    rates = add(rates, feed_forward)
+    rates = add(_attitude_rates(attitude_wb, desired_wb, thrust, p), feed_forward)
     rates = limits.tilt_guard(
-        rates,
-        attitude_wb,
-        predicted.rates_frd_rad_s,
-        tilt_max_rad=p.tilt_max_rad,
-        rate_lag_s=p.rate_lag_s[0],
+        rates, attitude_wb, predicted.rates_frd_rad_s, tilt_max_rad=p.tilt_max_rad, rate_lag_s=p.rate_lag_s[0]
     )
-    lead_m_s2 = p.thrust_lag_s * flatness.thrust_rate(thrust, thrust_derivative) if p.lag_compensation else 0.0
-    setpoint = Setpoint(rates, _thrust_command(model, thrust, attitude_wb, lead_m_s2, p))
     record = ControlRecord(
         limited=("thrust_vector",) if cut else (),
         position_error_ned_m=position_error,
@@ -110,7 +96,19 @@ def fly(
         desired_wb=desired_wb,
         feed_forward_frd_rad_s=feed_forward,
     )
-    return Flow(setpoint, Memory(slow, heading_rad), record)
+    command = _thrust_command(model, thrust, derivative, attitude_wb, p)
+    return Flow(Setpoint(rates, command), Memory(slow, heading_rad), record)
+
+
+def _feedback(position_error_ned_m: Vec3, velocity_error_ned_m_s: Vec3, p: ControlParameters) -> Vec3:
+    return position_law.feedback(
+        position_error_ned_m,
+        velocity_error_ned_m_s,
+        p.position_gain_1_s2,
+        p.velocity_gain_1_s,
+        approach_max_m_s=p.approach_max_m_s,
+        feedback_max_m_s2=p.feedback_max_m_s2,
+    )
 
 
 def _heading(memory: Memory, reference: Reference, p: ControlParameters) -> tuple[float, float, float | None]:
@@ -181,10 +179,12 @@ def _full_thrust_m_s2(model: VehicleModel, p: ControlParameters) -> float:
 
 
 def _thrust_command(
-    model: VehicleModel, thrust_ned_m_s2: Vec3, attitude_wb: Quat, lead_m_s2: float, p: ControlParameters
+    model: VehicleModel, thrust_ned_m_s2: Vec3, derivative_ned_m_s3: Vec3, attitude_wb: Quat, p: ControlParameters
 ) -> float:
-    """Command for the part of the wanted thrust that lies along the thrust axis of now."""
-    along_m_s2 = -dot(thrust_ned_m_s2, down_axis(attitude_wb)) + lead_m_s2
+    """Command for the part of the wanted thrust along the thrust axis of now, led by the lag of thrust."""
+    along_m_s2 = -dot(thrust_ned_m_s2, down_axis(attitude_wb))
+    if p.lag_compensation:
+        along_m_s2 += p.thrust_lag_s * flatness.thrust_rate(thrust_ned_m_s2, derivative_ned_m_s3)
     if p.linear_thrust is not None:
         return thrust_map.linear_command(along_m_s2, *p.linear_thrust)
     return thrust_map.command_from_acceleration(along_m_s2, model.hover_thrust, p.thrust_curve, p.gravity_m_s2)

@@ -94,3 +94,15 @@ def test_last_check_replaces_what_is_not_finite(bad: float, place: int) -> None:
         fallback_thrust=0.4,
     )
     assert out.rates_frd_rad_s == (0.0, 0.0, 0.0) and out.thrust == 0.4
+
+
+def test_rates_and_thrust_are_cut_at_their_limits_with_the_direction_of_the_tilt_kept() -> None:
+    out = limits.within(
+        Setpoint((3.0, -4.0, 9.0), 1.4),
+        rate_max_rad_s=2.5,
+        yaw_rate_max_rad_s=1.0,
+        thrust_min=0.1,
+        thrust_max=0.9,
+        fallback_thrust=0.4,
+    )
+    assert out.rates_frd_rad_s == pytest.approx((1.5, -2.0, 1.0)) and out.thrust == 0.9

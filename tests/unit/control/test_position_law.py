@@ -1,0 +1,36 @@
+from math import inf
+
+import pytest
+
+from daemon.control import position_law
+from daemon.messages import ZERO3, Vec3
+
+KP, KV = (8.0, 8.0, 9.0), (4.0, 4.0, 5.0)
+
+
+def feedback(position: Vec3, velocity: Vec3, approach: float = inf, most: float = inf) -> Vec3:
+    return position_law.feedback(position, velocity, KP, KV, approach_max_m_s=approach, feedback_max_m_s2=most)
+
+
+def test_errors_are_turned_back_by_their_gains() -> None:
+    assert feedback((0.1, -0.2, 0.3), (1.0, 0.5, -0.2)) == pytest.approx((-4.8, -0.4, -1.7))
+
+
+def test_sum_saturates_by_norm_and_keeps_its_direction() -> None:
+    x, y, z = feedback((3.0, -4.0, 0.0), ZERO3, most=5.0)
+    assert (x, y, z) == pytest.approx((-3.0, 4.0, 0.0))
+
+
+@pytest.mark.parametrize("far", [(100.0, 0.0, 0.0), (-60.0, 80.0, 0.0), (0.0, 0.0, -40.0)])
+def test_far_reference_is_approached_with_no_more_acceleration_than_the_speed_takes(far: Vec3) -> None:
+    length = sum(v * v for v in far) ** 0.5
+    toward = (
+        -3.0 * far[0] / length,
+        -3.0 * far[1] / length,
+        -3.0 * far[2] / length,
+    )
+    assert feedback(far, toward, approach=3.0) == pytest.approx(ZERO3, abs=1e-9)
+
+
+def test_near_reference_is_not_touched_by_the_saturation() -> None:
+    assert feedback((0.5, 0.5, 0.5), ZERO3, approach=3.0) == pytest.approx((-4.0, -4.0, -4.5))
