@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from support.flight import Flight, fly
+
 from daemon import pipeline
 from daemon.autopilot.session import Px4Session
 from daemon.config import load
@@ -15,7 +17,6 @@ from daemon.pipeline import Inputs, Record
 from daemon.recording.recorder import RecordingSettings
 from daemon.recording.topics import Step
 from daemon.recording.writer import RecordWriter
-from support.flight import Flight, fly
 
 HERE = Path(__file__).parent
 TRAFFIC = HERE.parent / "fixtures" / "traffic" / "offboard_lemniscate.jsonl.gz"
