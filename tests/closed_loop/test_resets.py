@@ -1,0 +1,79 @@
+"""Resets of the EKF in flight, against the twin flight of the same seed without: the vehicle must not notice."""
+
+from functools import cache
+from math import degrees, dist
+
+import pytest
+from support.flight import Flight, fly
+
+from daemon.frames import angle_between
+from daemon.messages import FlightMode, Quat, Vec3
+from daemon.safety.supervisor import State
+from daemon.sim.faults import EkfReset, Fault, GpsLoss
+
+BEFORE_S, AFTER_S = 3.0, 4.0
+POSITION = {
+    "3 m": EkfReset(kind="position_ne", size_m=3.0),
+    "11 m": EkfReset(kind="position_ne", size_m=11.1),
+    "2 m down": EkfReset(kind="position_d", size_m=2.0),
+}
+Path = list[tuple[float, Vec3, Quat]]
+
+
+@cache
+def flown(fault: Fault | None, leg: bool) -> Path:
+    """Time since the fault, true position and attitude; on the spot, or on a leg to the north at 2 m/s."""
+
+    async def scenario(flight: Flight) -> Path:
+        await flight.airborne()
+        if leg:
+            await flight.goto(40.0, 0.0, -5.0)
+        begun_s = flight.now_s
+        await flight.until(lambda: flight.now_s >= begun_s + BEFORE_S)
+        since_s, path = flight.now_s, []
+        truth = flight.px4
+        flight.vehicle.control.listeners.append(
+            lambda _, r: path.append((r.now_s - since_s, truth.truth.position_ned_m, truth.truth.attitude_wb))
+        )
+        if fault is not None:
+            flight.px4.inject(fault)
+        await flight.until(lambda: flight.now_s >= since_s + AFTER_S)
+        assert flight.state is (State.TRACKING if leg else State.HOLDING)
+        return path
+
+    return fly(scenario, seed=3, noise=True, config={"guidance": {"limits": {"speed_m_s": 2.0}}})
+
+
+def departures(fault: Fault, leg: bool) -> list[tuple[float, float, float]]:
+    """Time since the reset, metres and degrees from the twin."""
+    pairs = zip(flown(fault, leg), flown(None, leg), strict=True)
+    return [(a[0], dist(a[1], b[1]), degrees(angle_between(a[2], b[2]))) for a, b in pairs]
+
+
+@pytest.mark.parametrize("leg", [False, True], ids=["hover", "leg at 2 m/s"])
+@pytest.mark.parametrize("reset", POSITION.values(), ids=POSITION.keys())
+def test_a_reset_of_the_position_moves_only_the_numbers(reset: EkfReset, leg: bool) -> None:
+    apart = departures(reset, leg)
+    assert max(metres for _, metres, _ in apart) < 0.15
+    assert max(angle for _, _, angle in apart) < 2.0
+
+
+@pytest.mark.parametrize(
+    "reset",
+    [EkfReset(kind="velocity_ne", size_m_s=1.0), EkfReset(kind="heading", size_deg=30.0)],
+    ids=["velocity 1 m/s", "heading 30 deg"],
+)
+def test_a_reset_of_velocity_or_heading_in_hover_is_hardly_felt(reset: EkfReset) -> None:
+    assert max(metres for t, metres, _ in departures(reset, leg=False) if t <= 2.0) < 0.3
+
+
+def test_a_lost_gps_hands_the_vehicle_over_before_the_position_is_worthless() -> None:
+    async def scenario(flight: Flight) -> float:
+        await flight.airborne()
+        flight.px4.inject(GpsLoss())
+        waited_s = await flight.until(lambda: flight.state is State.READY, 6.0)
+        assert flight.autopilot.status.value.mode is FlightMode.HOLD
+        assert max(r.estimate.position_variance_m2 for r in flight.records[-10:]) < 0.4
+        return waited_s
+
+    assert fly(scenario, seed=3, noise=True) < 4.5
