@@ -27,6 +27,7 @@ COMMANDS = {
     "sim": "sim",
     "demo": "demo",
     "report": "report",
+    "bench": "bench",
 }
 HELP = """Flight control for PX4 drones: waypoint goals in, attitude-rate setpoints out."""
 EPILOG = """Examples:

@@ -1,6 +1,7 @@
 """The control task: read the newest, step the pipeline, publish; on a fixed grid, whatever telemetry does."""
 
 from collections.abc import Callable
+from time import perf_counter
 
 from daemon import pipeline
 from daemon.autopilot.port import Autopilot
@@ -16,6 +17,7 @@ class ControlTask:
     """Owns the pipeline's state; writes ``record``, reads everything else.
 
     ``listeners`` get the inputs and the record of each tick (the flight record, the tests); they must be quick.
+    ``step_s`` is what the last step of the pipeline cost.
     """
 
     def __init__(
@@ -32,6 +34,7 @@ class ControlTask:
         self.record = record
         self.listeners: list[Callable[[Inputs, Record], None]] = []
         self.grid = grid
+        self.step_s = 0.0
         self._autopilot = autopilot
         self._gate = gate
         self._window = window
@@ -59,7 +62,9 @@ class ControlTask:
         if self._gate.ours and dt_s > self._clock_gap_s:
             self._gate.latch()
         inputs = self._read()
+        begun_s = perf_counter()
         self._state, setpoint, record = pipeline.step(self._state, inputs, now_s, dt_s)
+        self.step_s = perf_counter() - begun_s
         self._gate.tick(setpoint, self._state.control.model.hover_thrust)
         for mode in record.modes:
             self._autopilot.request_mode(mode)
