@@ -3,11 +3,11 @@
 from dataclasses import replace
 from math import floor, hypot, log, sqrt
 
-from daemon.frames import add, clamp, wrap_pi
+from daemon.frames import add, wrap_pi
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters
 from daemon.guidance.plan import Plan
-from daemon.guidance.saturation import Cascade, approach_speed, cascade, step_axis, step_plane
+from daemon.guidance.saturation import Cascade, cascade, step_axis, step_heading, step_plane
 from daemon.messages import WINDOW_SPACING_S, ZERO3, Reference, Vec3
 
 _REST_M = 1e-7  # error, in metres, radians and their rates, below which the filter counts as resting at its goal
@@ -42,7 +42,7 @@ class FilterPlan(Plan):
         self._limits = limits
         self._parameters = parameters
         self._step_s = step_s
-        self._plane, self._vertical = _cascades(limits, parameters, step_s)
+        self._plane, self._vertical = cascades(limits, parameters, step_s)
         self._nodes: list[Node] = []
         self._after: Node | None = (
             *start.position_ned_m,
@@ -76,7 +76,7 @@ class FilterPlan(Plan):
         node = self._node(index)
         if node is None:
             return Reference(time_s=time_s, position_ned_m=self._goal, yaw_rad=wrap_pi(self._goal_yaw))
-        return _within(node, since_s - index * self._step_s, time_s)
+        return reference_after(node, since_s - index * self._step_s, time_s)
 
     def outline(self, count: int = 100) -> tuple[Reference, ...]:
         """The path of a twin of this plan with coarser steps: a tenth of the work, equal to some centimetres."""
@@ -110,7 +110,7 @@ class FilterPlan(Plan):
             if self._after is None:
                 return None
             node = self._step(self._after)
-            self._after = None if node is None else _advance(node, self._step_s)
+            self._after = None if node is None else advance(node, self._step_s)
             if node is not None:
                 nodes.append(node)
         return nodes[index]
@@ -125,18 +125,11 @@ class FilterPlan(Plan):
             return None
         jx, jy = step_plane(self._plane, gx - px, gy - py, vx, vy, ax, ay)
         jz = step_axis(self._vertical, gz - pz, vz, az)
-        return (*state, jx, jy, jz, self._yaw_acceleration(to_yaw, yaw_rate))
-
-    def _yaw_acceleration(self, to_goal_rad: float, rate_rad_s: float) -> float:
-        """Second order, critically damped, saturated: the heading's law, rad/s^2."""
-        limits, omega = self._limits, self._parameters.omega_yaw_rad_s
-        speed = approach_speed(abs(to_goal_rad), 0.5 * omega, 0.7 * limits.yaw_acceleration_rad_s2)
-        speed = min(speed, limits.yaw_rate_rad_s)
-        wanted = 2.0 * omega * ((speed if to_goal_rad >= 0.0 else -speed) - rate_rad_s)
-        return clamp(wanted, -limits.yaw_acceleration_rad_s2, limits.yaw_acceleration_rad_s2)
+        turning = step_heading(to_yaw, yaw_rate, 0.0, self._parameters.omega_yaw_rad_s, self._limits)
+        return (*state, jx, jy, jz, turning)
 
 
-def _cascades(limits: MotionLimits, parameters: GuidanceParameters, step_s: float) -> tuple[Cascade, Cascade]:
+def cascades(limits: MotionLimits, parameters: GuidanceParameters, step_s: float) -> tuple[Cascade, Cascade]:
     """Gains of the horizontal and of the vertical filter."""
     horizontal = cascade(
         omega_rad_s=parameters.omega_rad_s,
@@ -159,7 +152,7 @@ def _cascades(limits: MotionLimits, parameters: GuidanceParameters, step_s: floa
     return horizontal, vertical
 
 
-def _advance(node: Node, dt: float) -> Node:
+def advance(node: Node, dt: float) -> Node:
     """The state ``dt`` after a node, jerk constant."""
     px, py, pz, vx, vy, vz, ax, ay, az, yaw, yaw_rate, jx, jy, jz, yaw_acceleration = node
     half, sixth = 0.5 * dt * dt, dt * dt * dt / 6.0
@@ -178,9 +171,9 @@ def _advance(node: Node, dt: float) -> Node:
     )
 
 
-def _within(node: Node, dt: float, time_s: float) -> Reference:
+def reference_after(node: Node, dt: float, time_s: float) -> Reference:
     """The reference ``dt`` after a node."""
-    px, py, pz, vx, vy, vz, ax, ay, az, yaw, yaw_rate = _advance(node, dt)
+    px, py, pz, vx, vy, vz, ax, ay, az, yaw, yaw_rate = advance(node, dt)
     return Reference(time_s, (px, py, pz), (vx, vy, vz), (ax, ay, az), node[11:14], wrap_pi(yaw), yaw_rate)  # type: ignore[arg-type]
 
 

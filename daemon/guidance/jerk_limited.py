@@ -88,22 +88,31 @@ def to_goal(start: Reference, position_ned_m: Vec3, yaw_rad: float, limits: Moti
         wanted.target_position = [hypot(north, east), 0.0, down, start.yaw_rad + turn]
         wanted.synchronization = ruckig.Synchronization.Phase
         wanted.per_dof_synchronization = [ruckig.Synchronization.Phase] * 3 + [ruckig.Synchronization.No]
-        motion = _solve(wanted, heading, start, limits)
-        if motion is not None:
+        trajectory = _solve(wanted)
+        if trajectory is not None and _keeps(wanted, trajectory, start, limits):
+            motion = _Motion(trajectory=trajectory, heading_rad=heading, origin_ned_m=start.position_ned_m)
             return JerkLimitedPlan(start.time_s, motion, limits, (position_ned_m, yaw_rad))
     return None
 
 
 def to_hover(start: Reference, limits: MotionLimits) -> JerkLimitedPlan | None:
-    """The quickest motion from a flown reference to rest, wherever that is; None if there is none."""
+    """The quickest motion from a flown reference to rest, wherever that is; None only if the start is not finite.
+
+    A start at the corner of its limits may pass them by some percent on the way: stopping comes first.
+    """
     heading = _travel_heading(start)
+    unchecked = None
     for wanted in _inputs(start, heading, limits):
         wanted.control_interface = ruckig.ControlInterface.Velocity
         wanted.synchronization = ruckig.Synchronization.No
-        motion = _solve(wanted, heading, start, limits)
-        if motion is not None:
+        trajectory = _solve(wanted)
+        if trajectory is None:
+            continue
+        motion = _Motion(trajectory=trajectory, heading_rad=heading, origin_ned_m=start.position_ned_m)
+        if _keeps(wanted, trajectory, start, limits):
             return JerkLimitedPlan(start.time_s, motion, limits, None)
-    return None
+        unchecked = motion
+    return None if unchecked is None else JerkLimitedPlan(start.time_s, unchecked, limits, None)
 
 
 def _travel_heading(start: Reference) -> float:
@@ -161,26 +170,31 @@ def _input(
     return found
 
 
-def _solve(wanted: ruckig.InputParameter, heading: float, start: Reference, limits: MotionLimits) -> _Motion | None:
-    """The motion, when there is one and the lengths of its horizontal vectors keep the limits or the start's."""
+def _solve(wanted: ruckig.InputParameter) -> ruckig.Trajectory | None:
     trajectory = ruckig.Trajectory(4)
     try:
         result = ruckig.Ruckig(4).calculate(wanted, trajectory)
     except ruckig.RuckigError:
         return None
-    if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-        return None
-    if wanted.current_velocity[1] != 0.0 or wanted.current_acceleration[1] != 0.0:
-        (vx, vy, _), (ax, ay, _) = start.velocity_ned_m_s, start.acceleration_ned_m_s2
-        taken_back_s = 0.5 * hypot(ax, ay) / limits.jerk_m_s3
-        coming = hypot(vx + ax * taken_back_s, vy + ay * taken_back_s)
-        allowed_speed = max(_CHECKED * limits.speed_m_s, hypot(vx, vy), coming) + 1e-9
-        allowed = max(_CHECKED * limits.acceleration_m_s2, hypot(ax, ay)) + 1e-9
-        for i in range(_CHECKS):
-            _, v, a = trajectory.at_time((i / _CHECKS) ** 2 * trajectory.duration)
-            if hypot(v[0], v[1]) > allowed_speed or hypot(a[0], a[1]) > allowed:
-                return None
-    return _Motion(trajectory=trajectory, heading_rad=heading, origin_ned_m=start.position_ned_m)
+    return trajectory if result in (ruckig.Result.Working, ruckig.Result.Finished) else None
+
+
+def _keeps(
+    wanted: ruckig.InputParameter, trajectory: ruckig.Trajectory, start: Reference, limits: MotionLimits
+) -> bool:
+    """Whether the lengths of the horizontal vectors keep the limits, or what the start already asks for."""
+    if wanted.current_velocity[1] == 0.0 and wanted.current_acceleration[1] == 0.0:
+        return True
+    (vx, vy, _), (ax, ay, _) = start.velocity_ned_m_s, start.acceleration_ned_m_s2
+    taken_back_s = 0.5 * hypot(ax, ay) / limits.jerk_m_s3
+    coming = hypot(vx + ax * taken_back_s, vy + ay * taken_back_s)
+    allowed_speed = max(_CHECKED * limits.speed_m_s, hypot(vx, vy), coming) + 1e-9
+    allowed = max(_CHECKED * limits.acceleration_m_s2, hypot(ax, ay)) + 1e-9
+    for i in range(_CHECKS):
+        _, v, a = trajectory.at_time((i / _CHECKS) ** 2 * trajectory.duration)
+        if hypot(v[0], v[1]) > allowed_speed or hypot(a[0], a[1]) > allowed:
+            return False
+    return True
 
 
 def _at(motion: _Motion, since_s: float, time_s: float, at_rest: bool = False) -> Reference:

@@ -1,7 +1,11 @@
 """What a reference may ask of the vehicle."""
 
 from dataclasses import dataclass, fields, replace
-from math import isfinite
+from math import hypot, isfinite
+
+from daemon.messages import Vec3
+
+_SLACK = 1.0 + 1e-6  # rounding is not an excess
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,3 +53,18 @@ class MotionLimits:
             jerk_m_s3=least(self.jerk_m_s3, jerk_m_s3),
             yaw_rate_rad_s=least(self.yaw_rate_rad_s, yaw_rate_rad_s),
         )
+
+
+def motion_excess(velocity_ned_m_s: Vec3, acceleration_ned_m_s2: Vec3, limits: MotionLimits) -> tuple[str, str] | None:
+    """The first of velocity and acceleration that is beyond the limits: its name with the axis, and in words."""
+    (vx, vy, vz), (ax, ay, az) = velocity_ned_m_s, acceleration_ned_m_s2
+    across, down = limits.acceleration_m_s2, limits.vertical_acceleration_m_s2
+    if hypot(vx, vy) > limits.speed_m_s * _SLACK:
+        return "velocity", f"{hypot(vx, vy):.2f} m/s is more than the {limits.speed_m_s:g} m/s allowed"
+    if vz > limits.descent_m_s * _SLACK or -vz > limits.climb_m_s * _SLACK:
+        return "velocity[2]", f"{vz:.2f} m/s down is not within {-limits.climb_m_s:g} to {limits.descent_m_s:g} m/s"
+    if hypot(ax, ay) > across * _SLACK:
+        return "acceleration", f"{hypot(ax, ay):.2f} m/s^2 is more than the {across:g} m/s^2 allowed"
+    if abs(az) > down * _SLACK:
+        return "acceleration[2]", f"{abs(az):.2f} m/s^2 vertically is more than the {down:g} m/s^2 allowed"
+    return None

@@ -1,6 +1,7 @@
 """A plan: the reference as a function of time, from the flown state to rest at a goal."""
 
 from abc import ABC, abstractmethod
+from bisect import bisect_right
 from dataclasses import replace
 
 from daemon.frames import add, norm, scale, wrap_pi
@@ -47,6 +48,52 @@ class Plan(ABC):
     def shifted(self, dp_ned_m: Vec3, dv_ned_m_s: Vec3, dyaw_rad: float, at_s: float) -> "Plan":
         """The same plan after the estimate jumped by these amounts at ``at_s``: it keeps its physical place."""
         return ShiftedPlan(self, dp_ned_m, dv_ned_m_s, dyaw_rad, at_s)
+
+
+class HoldPlan(Plan):
+    """Rest in a place and heading, for a time."""
+
+    def __init__(self, place: Reference, duration_s: float = 0.0) -> None:
+        self.start_s = place.time_s
+        self._duration_s = duration_s
+        self._place = Reference(place.time_s, place.position_ned_m, yaw_rad=place.yaw_rad)
+
+    @property
+    def end_s(self) -> float:
+        """When the time is over."""
+        return self.start_s + self._duration_s
+
+    @property
+    def target(self) -> Reference:
+        """The place."""
+        return self._place
+
+    def sample(self, time_s: float) -> Reference:
+        """The place."""
+        return replace(self._place, time_s=time_s)
+
+
+class SequencePlan(Plan):
+    """Plans one after the other, each starting in the state and at the time in which the one before it ends."""
+
+    def __init__(self, legs: tuple[Plan, ...]) -> None:
+        self.start_s = legs[0].start_s
+        self._legs = legs
+        self._starts_s = [leg.start_s for leg in legs]
+
+    @property
+    def end_s(self) -> float:
+        """End of the last leg."""
+        return self._legs[-1].end_s
+
+    @property
+    def target(self) -> Reference:
+        """Target of the last leg."""
+        return self._legs[-1].target
+
+    def sample(self, time_s: float) -> Reference:
+        """The reference of the leg that is being flown then."""
+        return self._legs[max(0, bisect_right(self._starts_s, time_s) - 1)].sample(time_s)
 
 
 class ShiftedPlan(Plan):

@@ -1,26 +1,50 @@
 """The way in: from a flown reference and a goal to a plan."""
 
-from daemon.frames import from_yaw, yaw_of
+from daemon.frames import yaw_of
 from daemon.guidance.brake import brake
 from daemon.guidance.filter_plan import FilterPlan
-from daemon.guidance.goals import Goal, HoldGoal, WaypointGoal
+from daemon.guidance.goals import (
+    Goal,
+    HoldGoal,
+    PathGoal,
+    PolynomialGoal,
+    ShapeGoal,
+    Through,
+    WaypointGoal,
+)
+from daemon.guidance.heading import HeadedPlan, wish_of
 from daemon.guidance.jerk_limited import to_goal
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters, Profile
-from daemon.guidance.plan import Plan
-from daemon.guidance.waypoint_modes import Pose, WaypointMode, goal_pose
+from daemon.guidance.path import fly_by_path, legs_to, rest_after, stop_path, waypoint_pose
+from daemon.guidance.plan import HoldPlan, Plan, SequencePlan
+from daemon.guidance.polynomial import PolynomialPlan
+from daemon.guidance.shapes import ShapePlan, entry_phase
 from daemon.messages import Reference
-
-_PLACE_FROM_NOW = (WaypointMode.ONLY_ORIENTATION, WaypointMode.XY_AND_YAW)
 
 
 def plan(start: Reference, goal: Goal, limits: MotionLimits, parameters: GuidanceParameters) -> Plan:
     """The plan from ``start`` (the reference being flown, now) to a goal; p, v, a and heading continue the start's.
 
-    The goal is expected to have passed ``reachability``.
+    The goal is expected to have passed ``reachability``. A stream brakes until its first reference comes.
     """
+    if isinstance(goal, WaypointGoal):
+        return _waypoint(start, goal, limits, parameters)
+    if isinstance(goal, PathGoal):
+        if goal.through is Through.FLY_BY:
+            return fly_by_path(start, goal.waypoints, limits, parameters.omega_yaw_rad_s)
+        return stop_path(start, goal.waypoints, limits)
+    if isinstance(goal, ShapeGoal):
+        return _shape(start, goal, limits, parameters)
+    if isinstance(goal, PolynomialGoal):
+        return _polynomial(start, goal, limits, parameters)
+    stopped = brake(start, limits)
     if isinstance(goal, HoldGoal):
-        return brake(start, limits)
+        return SequencePlan((stopped, HoldPlan(rest_after(stopped), goal.duration_s)))
+    return stopped
+
+
+def _waypoint(start: Reference, goal: WaypointGoal, limits: MotionLimits, parameters: GuidanceParameters) -> Plan:
     pose = waypoint_pose(start, goal, limits)
     yaw = yaw_of(pose.attitude_wb)
     if parameters.profile is Profile.JERK_LIMITED:
@@ -30,16 +54,27 @@ def plan(start: Reference, goal: Goal, limits: MotionLimits, parameters: Guidanc
     return FilterPlan(start, pose.position_ned_m, yaw, limits, parameters)
 
 
-def waypoint_pose(start: Reference, goal: WaypointGoal, limits: MotionLimits) -> Pose:
-    """The level pose that a waypoint means for a vehicle that flies ``start``.
-
-    What the mode takes from now, it takes from where braking would end, so that a moving start does not turn back.
-    """
-    now = Pose(start.position_ned_m, from_yaw(start.yaw_rad))
-    if goal.position_ned_m is None or goal.mode in _PLACE_FROM_NOW:
-        now = Pose(brake(start, limits).target.position_ned_m, now.attitude_wb)
-    wanted = Pose(
-        now.position_ned_m if goal.position_ned_m is None else goal.position_ned_m,
-        now.attitude_wb if goal.attitude_wb is None else from_yaw(yaw_of(goal.attitude_wb)),
+def _shape(start: Reference, goal: ShapeGoal, limits: MotionLimits, parameters: GuidanceParameters) -> Plan:
+    """To rest in the shape's nearest point, then around."""
+    stop = brake(start, limits).target.position_ned_m
+    entry_rad = entry_phase(goal.shape, stop)
+    legs = legs_to(start, goal.shape.at(entry_rad)[0], start.yaw_rad, limits)
+    around = ShapePlan(
+        rest_after(legs[-1]),
+        goal.shape,
+        entry_rad,
+        goal.rate_rad_s,
+        goal.turns,
+        min(limits.acceleration_m_s2, limits.vertical_acceleration_m_s2),
+        limits.jerk_m_s3,
     )
-    return goal_pose(goal.mode, wanted, now)
+    wish = wish_of(goal.heading, goal.shape.center_ned_m, start.yaw_rad)
+    return HeadedPlan(SequencePlan((*legs, around)), start, wish, limits, parameters.omega_yaw_rad_s)
+
+
+def _polynomial(start: Reference, goal: PolynomialGoal, limits: MotionLimits, parameters: GuidanceParameters) -> Plan:
+    """The constant jerk, then a brake."""
+    pushed = PolynomialPlan(start, goal.jerk_ned_m_s3, goal.duration_s)
+    path = SequencePlan((pushed, brake(pushed.target, limits)))
+    wish = wish_of(goal.heading, path.target.position_ned_m, start.yaw_rad)
+    return HeadedPlan(path, start, wish, limits, parameters.omega_yaw_rad_s)

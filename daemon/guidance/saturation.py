@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from math import hypot, sqrt
 
 from daemon.frames import clamp
+from daemon.guidance.limits import MotionLimits
 
 _SHORTENINGS = 7  # halvings of the search along the way from braking to the wanted acceleration
 
@@ -69,13 +70,21 @@ def approach_speed(distance_m: float, gain_1_s: float, braking_m_s2: float) -> f
     return sqrt(2.0 * braking_m_s2 * (distance_m - 0.5 * linear_m))
 
 
-def step_axis(gains: Cascade, to_goal_m: float, velocity_m_s: float, acceleration_m_s2: float) -> float:
-    """Jerk of the next step on one axis, m/s^3."""
+def step_axis(
+    gains: Cascade,
+    to_goal_m: float,
+    velocity_m_s: float,
+    acceleration_m_s2: float,
+    goal_velocity_m_s: float = 0.0,
+    goal_acceleration_m_s2: float = 0.0,
+) -> float:
+    """Jerk of the next step on one axis towards a goal that may move, m/s^3."""
     speed = approach_speed(abs(to_goal_m), gains.velocity_gain_1_s, gains.braking_m_s2)
-    wanted_v = clamp(speed if to_goal_m >= 0.0 else -speed, gains.speed_low_m_s, gains.speed_high_m_s)
+    wanted_v = goal_velocity_m_s + (speed if to_goal_m >= 0.0 else -speed)
+    wanted_v = clamp(wanted_v, gains.speed_low_m_s, gains.speed_high_m_s)
     limit = gains.acceleration_m_s2
-    wanted_a = clamp(gains.acceleration_gain_1_s * (wanted_v - velocity_m_s), -limit, limit)
-    wanted_jerk = gains.jerk_gain_1_s * (wanted_a - acceleration_m_s2)
+    wanted_a = goal_acceleration_m_s2 + gains.acceleration_gain_1_s * (wanted_v - velocity_m_s)
+    wanted_jerk = gains.jerk_gain_1_s * (clamp(wanted_a, -limit, limit) - acceleration_m_s2)
     return keep_axis(gains, velocity_m_s, acceleration_m_s2, wanted_jerk)
 
 
@@ -88,6 +97,17 @@ def keep_axis(gains: Cascade, velocity_m_s: float, acceleration_m_s2: float, wan
     return clamp((after - acceleration_m_s2) / dt, -jerk, jerk)
 
 
+def step_heading(
+    to_goal_rad: float, rate_rad_s: float, goal_rate_rad_s: float, omega_rad_s: float, limits: MotionLimits
+) -> float:
+    """Yaw acceleration towards a heading that may turn itself: second order, critically damped, saturated, rad/s^2."""
+    most = limits.yaw_acceleration_rad_s2
+    speed = approach_speed(abs(to_goal_rad), 0.5 * omega_rad_s, 0.7 * most)
+    wanted = goal_rate_rad_s + (speed if to_goal_rad >= 0.0 else -speed)
+    wanted = clamp(wanted, -limits.yaw_rate_rad_s, limits.yaw_rate_rad_s)
+    return clamp(2.0 * omega_rad_s * (wanted - rate_rad_s), -most, most)
+
+
 def _largest_acceleration(margin_m_s: float, acceleration: float, jerk: float, dt: float) -> float:
     """Largest acceleration after the step with v + E(a) within a bound that is ``margin_m_s`` away now."""
     margin_after_zero = margin_m_s - 0.5 * acceleration * dt
@@ -97,20 +117,30 @@ def _largest_acceleration(margin_m_s: float, acceleration: float, jerk: float, d
 
 
 def step_plane(
-    gains: Cascade, to_goal_x: float, to_goal_y: float, vx: float, vy: float, ax: float, ay: float
+    gains: Cascade,
+    to_goal_x: float,
+    to_goal_y: float,
+    vx: float,
+    vy: float,
+    ax: float,
+    ay: float,
+    goal_velocity: tuple[float, float] = (0.0, 0.0),
+    goal_acceleration: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[float, float]:
     """Jerk of the next step in a plane, where the bounds hold for the lengths of the vectors, m/s^3."""
-    distance = hypot(to_goal_x, to_goal_y)
-    gain = gains.velocity_gain_1_s
+    distance, gain = hypot(to_goal_x, to_goal_y), gains.velocity_gain_1_s
     if distance > 0.0:
-        gain = min(approach_speed(distance, gain, gains.braking_m_s2), gains.speed_high_m_s) / distance
-    wx = gains.acceleration_gain_1_s * (gain * to_goal_x - vx)
-    wy = gains.acceleration_gain_1_s * (gain * to_goal_y - vy)
-    wanted = hypot(wx, wy)
-    if wanted > gains.acceleration_m_s2:
-        shorter = gains.acceleration_m_s2 / wanted
-        wx, wy = wx * shorter, wy * shorter
+        gain = approach_speed(distance, gain, gains.braking_m_s2) / distance
+    wx, wy = _shortened(gain * to_goal_x + goal_velocity[0], gain * to_goal_y + goal_velocity[1], gains.speed_high_m_s)
+    wx = goal_acceleration[0] + gains.acceleration_gain_1_s * (wx - vx)
+    wy = goal_acceleration[1] + gains.acceleration_gain_1_s * (wy - vy)
+    wx, wy = _shortened(wx, wy, gains.acceleration_m_s2)
     return keep_plane(gains, vx, vy, ax, ay, gains.jerk_gain_1_s * (wx - ax), gains.jerk_gain_1_s * (wy - ay))
+
+
+def _shortened(x: float, y: float, limit: float) -> tuple[float, float]:
+    length = hypot(x, y)
+    return (x, y) if length <= limit else (x * limit / length, y * limit / length)
 
 
 def keep_plane(
@@ -118,9 +148,7 @@ def keep_plane(
 ) -> tuple[float, float]:
     """A jerk towards the wanted one after which the bounds of the plane can still be kept, m/s^3."""
     dt, jerk = gains.dt_s, gains.jerk_m_s3
-    wanted = hypot(wanted_jx, wanted_jy)
-    if wanted > jerk:
-        wanted_jx, wanted_jy = wanted_jx * jerk / wanted, wanted_jy * jerk / wanted
+    wanted_jx, wanted_jy = _shortened(wanted_jx, wanted_jy, jerk)
     speed_excess, acceleration_excess = _plane_excess(gains, vx, vy, ax, ay, wanted_jx, wanted_jy)
     if speed_excess <= 0.0 and acceleration_excess <= 0.0:
         return wanted_jx, wanted_jy

@@ -1,0 +1,150 @@
+"""Where the nose points while a path is flown: a wish per instant, followed within the limits of the heading."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import atan2, floor, hypot
+
+from daemon.frames import wrap_pi
+from daemon.guidance.limits import MotionLimits
+from daemon.guidance.plan import Plan
+from daemon.guidance.saturation import step_heading
+from daemon.messages import WINDOW_SPACING_S, Reference, Vec3
+
+DEAD_BAND_M_S = 0.5  # horizontal speed below which the direction of flight says nothing
+DEAD_BAND_M = 0.5  # distance below which the direction to a point says nothing
+
+_LAST_STEPS = 300  # 3 s: a path that ends slower than the dead-band for longer keeps the start's heading
+_REST = 1e-7  # rad and rad/s below which a heading has arrived
+
+HeadingWish = Callable[[Reference], float | None]  # heading wanted at a reference, None: keep the last one
+
+
+@dataclass(frozen=True, slots=True)
+class FixedHeading:
+    """Keep a heading; None: the one that the plan starts with."""
+
+    yaw_rad: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class VelocityHeading:
+    """Look along the horizontal velocity."""
+
+
+@dataclass(frozen=True, slots=True)
+class TargetHeading:
+    """Look at the target: the centre of a shape, the end of a path."""
+
+
+@dataclass(frozen=True, slots=True)
+class PointHeading:
+    """Look at a point."""
+
+    point_ned_m: Vec3
+
+
+Heading = FixedHeading | VelocityHeading | TargetHeading | PointHeading
+
+
+def wish_of(heading: Heading, target_ned_m: Vec3, start_yaw_rad: float) -> HeadingWish:
+    """The wish that a heading stands for; ``target_ned_m`` is what ``TargetHeading`` looks at."""
+    if isinstance(heading, VelocityHeading):
+        return along_velocity
+    if isinstance(heading, FixedHeading):
+        yaw_rad = start_yaw_rad if heading.yaw_rad is None else heading.yaw_rad
+        return lambda _: yaw_rad
+    return towards(heading.point_ned_m if isinstance(heading, PointHeading) else target_ned_m)
+
+
+def towards(point_ned_m: Vec3) -> HeadingWish:
+    """Look at a point; straight above or below it keep the heading."""
+
+    def wish(reference: Reference) -> float | None:
+        dx, dy = point_ned_m[0] - reference.position_ned_m[0], point_ned_m[1] - reference.position_ned_m[1]
+        return atan2(dy, dx) if hypot(dx, dy) > DEAD_BAND_M else None
+
+    return wish
+
+
+def along_velocity(reference: Reference) -> float | None:
+    """Look where the flight goes; at a hover keep the heading."""
+    vx, vy, _ = reference.velocity_ned_m_s
+    return atan2(vy, vx) if hypot(vx, vy) > DEAD_BAND_M_S else None
+
+
+class HeadedPlan(Plan):
+    """A plan's path with a heading of its own, from the start's heading and rate on.
+
+    The wish is followed in steps of ``WINDOW_SPACING_S`` within the limits of rate and acceleration, the shorter way;
+    the steps made so far are kept.
+    """
+
+    def __init__(
+        self, path: Plan, start: Reference, wish: HeadingWish, limits: MotionLimits, omega_rad_s: float
+    ) -> None:
+        self.start_s = path.start_s
+        self._path = path
+        self._wish = wish
+        self._limits = limits
+        self._omega_rad_s = omega_rad_s
+        before = self._wish(path.sample(self.start_s))
+        self._wanted = start.yaw_rad if before is None else before  # by the next step
+        self._yaw, self._rate = start.yaw_rad, start.yaw_rate_rad_s
+        self._nodes: list[tuple[float, float, float]] = []  # heading, rate, acceleration from there on
+        self._resting = False
+        self._start_yaw_rad = start.yaw_rad
+        self._target: Reference | None = None
+
+    @property
+    def end_s(self) -> float:
+        """End of the path."""
+        return self._path.end_s
+
+    @property
+    def target(self) -> Reference:
+        """End of the path, with the heading that was wanted last, looked for in the path's last seconds."""
+        if self._target is None:
+            last = floor((self.end_s - self.start_s) / WINDOW_SPACING_S) + 1
+            wanted = None
+            for index in range(last, max(-1, last - _LAST_STEPS), -1):
+                wanted = self._wish(self._path.sample(self.start_s + index * WINDOW_SPACING_S))
+                if wanted is not None:
+                    break
+            yaw_rad = self._start_yaw_rad if wanted is None else wanted
+            self._target = replace(self._path.target, yaw_rad=wrap_pi(yaw_rad))
+        return self._target
+
+    def sample(self, time_s: float) -> Reference:
+        """The path's reference with this heading."""
+        since_s = max(0.0, time_s - self.start_s)
+        index = floor(since_s / WINDOW_SPACING_S)
+        while index >= len(self._nodes) and not self._resting:
+            self._step()
+        index = min(index, len(self._nodes) - 1)
+        yaw, rate, acceleration = self._nodes[index]
+        dt = since_s - index * WINDOW_SPACING_S
+        return replace(
+            self._path.sample(time_s),
+            yaw_rad=wrap_pi(yaw + rate * dt + 0.5 * acceleration * dt * dt),
+            yaw_rate_rad_s=rate + acceleration * dt,
+        )
+
+    def outline(self, count: int = 100) -> tuple[Reference, ...]:
+        """The path's outline, whose heading is not this plan's: a path does not depend on it."""
+        return self._path.outline(count)
+
+    def _step(self) -> None:
+        """Append the next node; the last one, at rest in the wished heading, is good for ever."""
+        time_s = self.start_s + len(self._nodes) * WINDOW_SPACING_S
+        now = self._wanted
+        wish = self._wish(self._path.sample(time_s + WINDOW_SPACING_S))
+        self._wanted = soon = now if wish is None else wish
+        off, turning = wrap_pi(now - self._yaw), wrap_pi(soon - now) / WINDOW_SPACING_S
+        self._resting = time_s >= self.end_s and max(abs(off), abs(self._rate), abs(turning)) < _REST
+        if self._resting:
+            self._nodes.append((self._yaw, 0.0, 0.0))
+            return
+        acceleration = step_heading(off, self._rate, turning, self._omega_rad_s, self._limits)
+        self._nodes.append((self._yaw, self._rate, acceleration))
+        self._yaw += (self._rate + 0.5 * acceleration * WINDOW_SPACING_S) * WINDOW_SPACING_S
+        self._rate += acceleration * WINDOW_SPACING_S

@@ -1,0 +1,101 @@
+"""Paths through waypoints: stopping at each, or flying by."""
+
+from bisect import bisect_left
+from dataclasses import replace
+
+from daemon.frames import from_yaw, yaw_of
+from daemon.guidance.brake import brake
+from daemon.guidance.goals import WaypointGoal
+from daemon.guidance.heading import HeadedPlan, HeadingWish, along_velocity
+from daemon.guidance.jerk_limited import to_goal
+from daemon.guidance.limits import MotionLimits
+from daemon.guidance.minimum_snap import MinimumSnapPlan, through
+from daemon.guidance.plan import Plan, SequencePlan
+from daemon.guidance.waypoint_modes import Pose, WaypointMode, goal_pose
+from daemon.messages import Reference, Vec3
+
+_PLACE_FROM_NOW = (WaypointMode.ONLY_ORIENTATION, WaypointMode.XY_AND_YAW)
+
+
+def waypoint_pose(start: Reference, goal: WaypointGoal, limits: MotionLimits) -> Pose:
+    """The level pose that a waypoint means for a vehicle that flies ``start``.
+
+    What the mode takes from now, it takes from where braking would end, so that a moving start does not turn back.
+    """
+    now = Pose(start.position_ned_m, from_yaw(start.yaw_rad))
+    if goal.position_ned_m is None or goal.mode in _PLACE_FROM_NOW:
+        now = Pose(brake(start, limits).target.position_ned_m, now.attitude_wb)
+    wanted = Pose(
+        now.position_ned_m if goal.position_ned_m is None else goal.position_ned_m,
+        now.attitude_wb if goal.attitude_wb is None else from_yaw(yaw_of(goal.attitude_wb)),
+    )
+    return goal_pose(goal.mode, wanted, now)
+
+
+def rest_after(plan: Plan, hold_s: float = 0.0) -> Reference:
+    """Rest in a plan's target, ``hold_s`` after its end: the start of the next leg."""
+    return replace(plan.target, time_s=plan.end_s + hold_s)
+
+
+def legs_to(start: Reference, position_ned_m: Vec3, yaw_rad: float, limits: MotionLimits) -> tuple[Plan, ...]:
+    """One leg to rest in a place, exactly and at a known time; two when the start has to be braked first."""
+    direct = to_goal(start, position_ned_m, yaw_rad, limits)
+    if direct is not None:
+        return (direct,)
+    stopped = brake(start, limits)
+    onward = to_goal(rest_after(stopped), position_ned_m, yaw_rad, limits)
+    return (stopped,) if onward is None else (stopped, onward)
+
+
+def stop_path(start: Reference, waypoints: tuple[WaypointGoal, ...], limits: MotionLimits) -> Plan:
+    """Time-optimal legs from waypoint to waypoint, at rest for ``hold_s`` in each."""
+    legs: list[Plan] = []
+    now = start
+    for waypoint in waypoints:
+        pose = waypoint_pose(now, waypoint, limits)
+        legs += legs_to(now, pose.position_ned_m, yaw_of(pose.attitude_wb), limits)
+        now = rest_after(legs[-1], waypoint.hold_s)
+    return SequencePlan(tuple(legs))
+
+
+def fly_by_path(
+    start: Reference, waypoints: tuple[WaypointGoal, ...], limits: MotionLimits, omega_yaw_rad_s: float
+) -> Plan:
+    """One minimum-snap path through the waypoints, from the flown state or, when that is quicker, after a brake."""
+    points = _points(start, waypoints, limits)
+    moving = through(start, points, limits)
+    stopped = brake(start, limits)
+    resting = through(rest_after(stopped), points, limits)
+    if resting is not None and (moving is None or resting.end_s < moving.end_s):
+        path, snap = SequencePlan((stopped, resting)), resting
+    elif moving is not None:
+        path, snap = SequencePlan((moving,)), moving
+    else:
+        return SequencePlan(legs_to(start, points[-1], start.yaw_rad, limits))
+    return HeadedPlan(path, start, _headings(start, waypoints, snap), limits, omega_yaw_rad_s)
+
+
+def _points(start: Reference, waypoints: tuple[WaypointGoal, ...], limits: MotionLimits) -> tuple[Vec3, ...]:
+    """Positions of the waypoints; what one takes from now it takes from the one before it."""
+    points: list[Vec3] = []
+    now = start
+    for waypoint in waypoints:
+        points.append(waypoint_pose(now, waypoint, limits).position_ned_m)
+        now = Reference(start.time_s, points[-1], yaw_rad=start.yaw_rad)
+    return tuple(points)
+
+
+def _headings(start: Reference, waypoints: tuple[WaypointGoal, ...], path: MinimumSnapPlan) -> HeadingWish:
+    """On the way to each waypoint its heading, or the last one given; along the velocity for ``forward_heading``."""
+    yaws: list[float | None] = []
+    yaw_rad = start.yaw_rad
+    for waypoint in waypoints:
+        if waypoint.attitude_wb is not None and waypoint.mode is not WaypointMode.ONLY_POSITION:
+            yaw_rad = yaw_of(waypoint.attitude_wb)
+        yaws.append(None if waypoint.mode is WaypointMode.FORWARD_HEADING else yaw_rad)
+
+    def wish(reference: Reference) -> float | None:
+        yaw = yaws[min(bisect_left(path.passes_s, reference.time_s), len(yaws) - 1)]
+        return along_velocity(reference) if yaw is None else yaw
+
+    return wish

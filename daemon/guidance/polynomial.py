@@ -1,0 +1,58 @@
+"""Motion primitives of constant jerk, from the flown state on; and the seven candidates of a jerk's size.
+
+Source: the polynomial trajectories of mavros_controllers; the jerk is the parameter, not six times it.
+"""
+
+from dataclasses import replace
+
+from daemon.frames import add, scale
+from daemon.guidance.plan import Plan
+from daemon.messages import ZERO3, Reference, Vec3
+
+DIRECTIONS: tuple[Vec3, ...] = (
+    ZERO3,
+    (1.0, 0.0, 0.0),
+    (-1.0, 0.0, 0.0),
+    (0.0, 1.0, 0.0),
+    (0.0, -1.0, 0.0),
+    (0.0, 0.0, 1.0),
+    (0.0, 0.0, -1.0),
+)
+
+
+class PolynomialPlan(Plan):
+    """Constant jerk for a time. It does not end at rest: a brake follows it."""
+
+    def __init__(self, start: Reference, jerk_ned_m_s3: Vec3, duration_s: float) -> None:
+        self.start_s = start.time_s
+        self._start = start
+        self._jerk = jerk_ned_m_s3
+        self._duration_s = duration_s
+
+    @property
+    def end_s(self) -> float:
+        """End of the jerk."""
+        return self.start_s + self._duration_s
+
+    @property
+    def target(self) -> Reference:
+        """The state at the end, moving."""
+        return self.sample(self.end_s)
+
+    def sample(self, time_s: float) -> Reference:
+        """The polynomial at a time, before the end and beyond."""
+        t = max(0.0, time_s - self.start_s)
+        p, v, a = self._start.position_ned_m, self._start.velocity_ned_m_s, self._start.acceleration_ned_m_s2
+        return replace(
+            self._start,
+            time_s=time_s,
+            position_ned_m=add(add(p, scale(v, t)), add(scale(a, 0.5 * t * t), scale(self._jerk, t * t * t / 6.0))),
+            velocity_ned_m_s=add(add(v, scale(a, t)), scale(self._jerk, 0.5 * t * t)),
+            acceleration_ned_m_s2=add(a, scale(self._jerk, t)),
+            jerk_ned_m_s3=self._jerk,
+        )
+
+
+def candidates(start: Reference, jerk_m_s3: float, duration_s: float) -> tuple[PolynomialPlan, ...]:
+    """The seven primitives of mavros_controllers: no jerk, and a jerk of this size to either side of each axis."""
+    return tuple(PolynomialPlan(start, scale(direction, jerk_m_s3), duration_s) for direction in DIRECTIONS)

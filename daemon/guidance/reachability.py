@@ -1,0 +1,182 @@
+"""Whether a goal can be flown, decided when it is accepted: the field at fault and the reason in words."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import degrees, hypot, isfinite, pi, radians
+
+from daemon.frames import is_finite, norm, scale, subtract, tilt_of
+from daemon.guidance.goals import Goal, PathGoal, PolynomialGoal, ShapeGoal, StreamGoal, WaypointGoal
+from daemon.guidance.heading import Heading, PointHeading
+from daemon.guidance.limits import MotionLimits, motion_excess
+from daemon.guidance.plan import Plan
+from daemon.guidance.shapes import Circle
+from daemon.messages import Reference, Vec3
+
+_MOST_TILT_RAD = radians(1.0)
+_PHASES = 72  # at which a shape's derivatives are looked at
+_OUTLINE = 120  # instants at which a plan is held against fence and limits
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Why a goal is not taken: a path such as ``waypoint.position[2]``, and the reason in words."""
+
+    field: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reach:
+    """What a goal may be at most; ``fence`` says by (axis, reason) where a position is outside, None inside."""
+
+    limits: MotionLimits
+    fence: Callable[[Vec3], tuple[int, str] | None] = lambda _: None
+    max_distance_m: float = 1000.0  # of any point of the goal from the vehicle
+    max_waypoints: int = 50
+    max_duration_s: float = 3600.0
+
+
+def refusal(goal: Goal, start: Reference, reach: Reach) -> Refusal | None:
+    """The first thing wrong with a goal itself, seen from the flown reference; None when nothing is.
+
+    ``path_refusal`` then checks the way there, on the plan.
+    """
+    return next(_refusals(goal, start, reach), None)
+
+
+def path_refusal(plan: Plan, goal: Goal, reach: Reach) -> Refusal | None:
+    """What is wrong with the way to a goal and along it, the overshoot of a moving start included.
+
+    A start outside of the fence is not held against a plan that leads back in: what comes after the first instant
+    inside counts, and the end. A polynomial's motion is held against the limits too. Costs 1 to 10 ms.
+    """
+    inside = False
+    for reference in plan.outline(_OUTLINE):
+        found = reach.fence(reference.position_ned_m)
+        inside = inside or found is None
+        if inside and found is not None:
+            return Refusal(f"{_place_of(goal)}[{found[0]}]", f"on the way: {found[1]}")
+        if isinstance(goal, PolynomialGoal):
+            excess = motion_excess(reference.velocity_ned_m_s, reference.acceleration_ned_m_s2, reach.limits)
+            if excess is not None:
+                return Refusal("trajectory.jerk_m_s3", f"after some time {excess[1]}")
+    end = reach.fence(plan.target.position_ned_m)
+    return None if end is None else Refusal(f"{_place_of(goal)}[{end[0]}]", end[1])
+
+
+def _place_of(goal: Goal) -> str:
+    """The field that a way out of the fence is blamed on."""
+    if isinstance(goal, WaypointGoal):
+        return "waypoint.position"
+    if isinstance(goal, PathGoal):
+        return "path.waypoints"
+    return "trajectory.center" if isinstance(goal, ShapeGoal) else "trajectory"
+
+
+def _refusals(goal: Goal, start: Reference, reach: Reach) -> Iterator[Refusal]:
+    """All that is wrong, worked out as far as it is asked for."""
+    if isinstance(goal, WaypointGoal):
+        yield from _waypoint(goal, "waypoint", start, reach)
+    elif isinstance(goal, PathGoal):
+        count = len(goal.waypoints)
+        if not 1 <= count <= reach.max_waypoints:
+            yield Refusal("path.waypoints", f"{count} waypoints are not within 1 to {reach.max_waypoints}")
+        for i, waypoint in enumerate(goal.waypoints):
+            yield from _waypoint(waypoint, f"path.waypoints[{i}]", start, reach)
+    elif isinstance(goal, ShapeGoal):
+        yield from _shape(goal, start, reach)
+    elif isinstance(goal, PolynomialGoal):
+        yield from _polynomial(goal, reach)
+    elif isinstance(goal, StreamGoal):
+        yield from _duration(goal.timeout_s, "stream.timeout_s", reach)
+    else:
+        yield from _duration(goal.duration_s, "trajectory.duration_s", reach)
+
+
+def _waypoint(goal: WaypointGoal, field: str, start: Reference, reach: Reach) -> Iterator[Refusal]:
+    if goal.position_ned_m is not None:
+        yield from _finite(goal.position_ned_m, f"{field}.position")
+        yield from _near(goal.position_ned_m, f"{field}.position", start, reach)
+        found = reach.fence(goal.position_ned_m)
+        if found is not None:
+            yield Refusal(f"{field}.position[{found[0]}]", found[1])
+    if goal.attitude_wb is not None:
+        yield from _finite(goal.attitude_wb, f"{field}.orientation")
+        if not 0.99 < hypot(*goal.attitude_wb) < 1.01:
+            yield Refusal(f"{field}.orientation", "is not a unit quaternion")
+        tilt_rad = tilt_of(goal.attitude_wb)
+        if tilt_rad > _MOST_TILT_RAD:
+            reason = f"tilts by {degrees(tilt_rad):.1f} deg; at rest a multirotor is level: 1 deg at most"
+            yield Refusal(f"{field}.orientation", reason)
+    yield from _duration(goal.hold_s, f"{field}.hold_s", reach)
+
+
+def _shape(goal: ShapeGoal, start: Reference, reach: Reach) -> Iterator[Refusal]:
+    shape = goal.shape
+    yield from _finite(shape.center_ned_m, "trajectory.center")
+    yield from _near(shape.center_ned_m, "trajectory.center", start, reach)
+    if not is_finite(shape.axis_ned) or norm(shape.axis_ned) < 1e-6:
+        yield Refusal("trajectory.axis", "has no direction")
+    field, lengths = ("radius_m", (shape.radius_m,)) if isinstance(shape, Circle) else ("size_m", shape.size_m)
+    for length in lengths:
+        if not 0.0 < length <= reach.max_distance_m:
+            yield Refusal(f"trajectory.{field}", f"{length:g} m is not within 0 to {reach.max_distance_m:g} m")
+    field = "trajectory.period_s" if goal.speed_m_s is None else "trajectory.speed_m_s"
+    rate = abs(goal.rate_rad_s)
+    if not (isfinite(rate) and rate > 0.0):
+        yield Refusal(field, "is not a positive, finite number")
+    if not goal.turns > 0.0:
+        yield Refusal("trajectory.turns", f"{goal.turns:g} is not more than 0")
+    yield from _duration(goal.turns * 2.0 * pi / rate, "trajectory.turns", reach)
+    yield from _heading(goal.heading)
+    for i in range(_PHASES):
+        yield from _shape_at(goal, 2.0 * pi * i / _PHASES, field, reach)
+
+
+def _shape_at(goal: ShapeGoal, phase_rad: float, field: str, reach: Reach) -> Iterator[Refusal]:
+    """A shape at one phase: inside the fence, and within the limits at the rate wanted."""
+    position, first, second, third = goal.shape.at(phase_rad)
+    rate = goal.rate_rad_s
+    found = reach.fence(position)
+    if found is not None:
+        yield Refusal(f"trajectory.center[{found[0]}]", f"on the way round: {found[1]}")
+    excess = motion_excess(scale(first, rate), scale(second, rate**2), reach.limits)
+    if excess is not None:
+        yield Refusal(field, f"on this shape {excess[1]}")
+    yield from _jerk(scale(third, rate**3), field, "on this shape ", reach)
+
+
+def _polynomial(goal: PolynomialGoal, reach: Reach) -> Iterator[Refusal]:
+    yield from _finite(goal.jerk_ned_m_s3, "trajectory.jerk_m_s3")
+    yield from _jerk(goal.jerk_ned_m_s3, "trajectory.jerk_m_s3", "", reach)
+    yield from _duration(goal.duration_s, "trajectory.duration_s", reach)
+    yield from _heading(goal.heading)
+
+
+def _finite(values: tuple[float, ...], field: str) -> Iterator[Refusal]:
+    for i, value in enumerate(values):
+        if not isfinite(value):
+            yield Refusal(f"{field}[{i}]", f"{value} is not finite")
+
+
+def _near(position: Vec3, field: str, start: Reference, reach: Reach) -> Iterator[Refusal]:
+    distance = norm(subtract(position, start.position_ned_m))
+    if distance > reach.max_distance_m:
+        yield Refusal(field, f"is {distance:.0f} m away; at most {reach.max_distance_m:g} m are allowed")
+
+
+def _duration(value_s: float, field: str, reach: Reach) -> Iterator[Refusal]:
+    if not 0.0 <= value_s <= reach.max_duration_s:
+        yield Refusal(field, f"{value_s:g} s are not within 0 to {reach.max_duration_s:g} s")
+
+
+def _heading(heading: Heading) -> Iterator[Refusal]:
+    if isinstance(heading, PointHeading):
+        yield from _finite(heading.point_ned_m, "trajectory.heading.point")
+
+
+def _jerk(jerk_ned_m_s3: Vec3, field: str, where: str, reach: Reach) -> Iterator[Refusal]:
+    jx, jy, jz = jerk_ned_m_s3
+    worst, most = max(hypot(jx, jy), abs(jz)), reach.limits.jerk_m_s3
+    if worst > most * (1.0 + 1e-6):
+        yield Refusal(field, f"{where}{worst:.2f} m/s^3 is more than the {most:g} m/s^3 allowed")

@@ -1,0 +1,129 @@
+"""What is refused, with the field at fault and the reason in words."""
+
+from math import nan, radians
+
+import pytest
+
+from daemon.frames import from_rpy
+from daemon.guidance.goals import (
+    Goal,
+    HoldGoal,
+    PathGoal,
+    PolynomialGoal,
+    ShapeGoal,
+    StreamGoal,
+    WaypointGoal,
+)
+from daemon.guidance.heading import PointHeading
+from daemon.guidance.limits import MotionLimits
+from daemon.guidance.parameters import GuidanceParameters
+from daemon.guidance.planner import plan
+from daemon.guidance.reachability import Reach, path_refusal, refusal
+from daemon.guidance.shapes import Circle, Lemniscate
+from daemon.messages import ZERO3, Reference, Vec3
+
+START = Reference(time_s=0.0, position_ned_m=(0.0, 0.0, -10.0))
+
+
+def fence(position: Vec3) -> tuple[int, str] | None:
+    if -position[2] > 120.0:
+        return 2, f"{position[2]:g} m is above the fence's ceiling of 120 m"
+    return (0, f"{position[0]:g} m is beyond 60 m") if abs(position[0]) > 60.0 else None
+
+
+REACH = Reach(limits=MotionLimits(), fence=fence, max_distance_m=300.0)
+
+
+def at(*position: float) -> WaypointGoal:
+    return WaypointGoal(position_ned_m=position)  # type: ignore[arg-type]
+
+
+def circle(**change: object) -> ShapeGoal:
+    shape = {"center_ned_m": (0.0, 20.0, -10.0), "radius_m": 5.0} | change.pop("shape", {})  # type: ignore[operator]
+    return ShapeGoal(**({"shape": Circle(**shape), "speed_m_s": 3.0} | change))  # type: ignore[arg-type]
+
+
+BAD: list[tuple[Goal, str, str]] = [
+    (at(0.0, 0.0, -250.0), "waypoint.position[2]", "-250 m is above the fence's ceiling of 120 m"),
+    (at(nan, 0.0, -10.0), "waypoint.position[0]", "nan is not finite"),
+    (at(0.0, 400.0, -10.0), "waypoint.position", "is 400 m away; at most 300 m are allowed"),
+    (
+        WaypointGoal(position_ned_m=ZERO3, attitude_wb=from_rpy(radians(2.0), 0.0, 1.0)),
+        "waypoint.orientation",
+        "2.0 deg",
+    ),
+    (WaypointGoal(position_ned_m=ZERO3, attitude_wb=(0.0, 0.0, 0.0, 0.0)), "waypoint.orientation", "unit"),
+    (WaypointGoal(position_ned_m=ZERO3, hold_s=-1.0), "waypoint.hold_s", "-1 s"),
+    (PathGoal(waypoints=()), "path.waypoints", "0 waypoints"),
+    (PathGoal(waypoints=(at(0.0, 0.0, -10.0), at(70.0, 0.0, -10.0))), "path.waypoints[1].position[0]", "beyond 60 m"),
+    (circle(speed_m_s=4.5), "trajectory.speed_m_s", "4.05 m/s^2 is more than the 3 m/s^2 allowed"),
+    (circle(speed_m_s=6.0), "trajectory.speed_m_s", "6.00 m/s is more than the 5 m/s allowed"),
+    (circle(speed_m_s=None, period_s=5.0), "trajectory.period_s", "6.28 m/s"),
+    (circle(speed_m_s=None), "trajectory.period_s", "positive"),
+    (circle(shape={"radius_m": 0.1}, speed_m_s=0.54), "trajectory.speed_m_s", "m/s^3"),
+    (circle(shape={"radius_m": -1.0}), "trajectory.radius_m", "-1 m"),
+    (circle(shape={"radius_m": 5.0, "axis_ned": ZERO3}), "trajectory.axis", "no direction"),
+    (circle(shape={"radius_m": 5.0, "axis_ned": (0.0, 1.0, 0.0)}), "trajectory.speed_m_s", "m/s down"),
+    (circle(shape={"center_ned_m": (58.0, 0.0, -10.0)}), "trajectory.center[0]", "on the way round"),
+    (circle(turns=0.0), "trajectory.turns", "0 is not more than 0"),
+    (circle(turns=1e5), "trajectory.turns", "3600 s"),
+    (circle(heading=PointHeading((nan, 0.0, 0.0))), "trajectory.heading.point[0]", "not finite"),
+    (ShapeGoal(shape=Lemniscate(center_ned_m=ZERO3, size_m=(5.0, nan)), speed_m_s=1.0), "trajectory.size_m", "nan"),
+    (PolynomialGoal(jerk_ned_m_s3=(20.0, 0.0, 0.0), duration_s=0.1), "trajectory.jerk_m_s3", "20.00 m/s^3"),
+    (PolynomialGoal(jerk_ned_m_s3=ZERO3, duration_s=nan), "trajectory.duration_s", "nan"),
+    (HoldGoal(duration_s=-1.0), "trajectory.duration_s", "-1"),
+    (StreamGoal(timeout_s=nan), "stream.timeout_s", "nan"),
+]
+
+
+@pytest.mark.parametrize(("goal", "field", "reason"), BAD, ids=[f"{field}: {reason}" for _, field, reason in BAD])
+def test_an_unreachable_goal_is_refused_with_field_and_reason(goal: Goal, field: str, reason: str) -> None:
+    found = refusal(goal, START, REACH)
+    assert found is not None
+    assert found.field == field
+    assert reason in found.reason
+
+
+@pytest.mark.parametrize(
+    "goal",
+    [
+        at(50.0, 0.0, -20.0),
+        WaypointGoal(attitude_wb=from_rpy(radians(0.9), 0.0, 1.0)),
+        PathGoal(waypoints=(at(0.0, 0.0, -10.0), at(50.0, 0.0, -10.0))),
+        circle(),
+        ShapeGoal(shape=Lemniscate(center_ned_m=(0.0, 0.0, -10.0), size_m=(10.0, 4.0)), speed_m_s=3.0),
+        PolynomialGoal(jerk_ned_m_s3=(1.0, 0.0, 0.0), duration_s=1.5),
+        HoldGoal(duration_s=5.0),
+        StreamGoal(),
+    ],
+    ids=lambda goal: type(goal).__name__,
+)
+def test_a_reachable_goal_is_taken(goal: Goal) -> None:
+    assert refusal(goal, START, REACH) is None
+    assert path_refusal(plan(START, goal, REACH.limits, GuidanceParameters()), goal, REACH) is None
+
+
+def test_the_overshoot_of_a_moving_start_counts() -> None:
+    fast = Reference(time_s=0.0, position_ned_m=(57.0, 0.0, -10.0), velocity_ned_m_s=(5.0, 0.0, 0.0))
+    goal = at(0.0, 0.0, -10.0)
+    assert refusal(goal, fast, REACH) is None
+    found = path_refusal(plan(fast, goal, REACH.limits, GuidanceParameters()), goal, REACH)
+    assert found is not None
+    assert found.field == "waypoint.position[0]"
+    assert found.reason.startswith("on the way: ")
+
+
+def test_a_start_outside_of_the_fence_may_come_back_but_not_stay() -> None:
+    outside = Reference(time_s=0.0, position_ned_m=(70.0, 0.0, -10.0))
+    for goal, taken in ((at(0.0, 0.0, -10.0), True), (HoldGoal(duration_s=1.0), False)):
+        found = path_refusal(plan(outside, goal, REACH.limits, GuidanceParameters()), goal, REACH)
+        assert (found is None) is taken
+
+
+def test_a_polynomial_that_grows_beyond_the_limits_is_refused() -> None:
+    goal = PolynomialGoal(jerk_ned_m_s3=(2.0, 0.0, 0.0), duration_s=3.0)
+    assert refusal(goal, START, REACH) is None
+    found = path_refusal(plan(START, goal, REACH.limits, GuidanceParameters()), goal, REACH)
+    assert found is not None
+    assert found.field == "trajectory.jerk_m_s3"
+    assert "is more than the" in found.reason
