@@ -166,7 +166,7 @@ class Service:
         if self._vehicle.stopping:
             raise ProtocolError(ErrorCode.WRONG_STATE, "the daemon is stopping")
         engage = self._needs_engage()
-        order = orders.order(goal_id, params, self._place())
+        order = await orders.order(goal_id, params, self._place(), caller.connection)
         preempted = self._vehicle.trajectory.submit(order)
         if engage:
             task = asyncio.get_running_loop().create_task(self._engage_for(goal_id))
@@ -198,7 +198,17 @@ class Service:
 
     def reference_set(self, params: methods.ReferenceSet, caller: Caller) -> None:
         """See ``FlightService``."""
-        raise ProtocolError(ErrorCode.WRONG_STATE, "no stream goal is active", "goal_id")
+        active = self._vehicle.trajectory.order
+        if active is None or active.goal_id != params.goal_id or active.kind != "stream":
+            raise ProtocolError(ErrorCode.WRONG_STATE, f"{params.goal_id} is not an active stream goal", "goal_id")
+        if active.connection != caller.connection:
+            raise ProtocolError(ErrorCode.NOT_PERMITTED, "another connection submitted this goal", "goal_id")
+        now_s = asyncio.get_running_loop().time()
+        sample = orders.stream_sample(params, now_s)
+        refusal = orders.stream_refusal(sample, active.limits, self._vehicle.fence, now_s)
+        if refusal is not None:
+            raise ProtocolError(ErrorCode.REFUSED, refusal.reason, refusal.field)
+        self._vehicle.trajectory.stream(sample)
 
     def estimator_pose(self, params: methods.EstimatorPose, caller: Caller) -> None:
         """See ``FlightService``."""
@@ -307,7 +317,7 @@ class Service:
         return orders.Place(
             flown=record.reference or pipeline.at_rest(record.estimate.newest, record.now_s),
             status=self._vehicle.autopilot.status.value,
-            fence=self._vehicle.parameters.value.bounds.fence,
+            fence=self._vehicle.fence,
             max_distance_m=self._vehicle.config.guidance.max_distance_m,
             limits=self._vehicle.parameters.value.limits,
             parameters=self._vehicle.guidance,

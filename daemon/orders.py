@@ -1,24 +1,43 @@
 """From a goal as it came over the socket to an order for the trajectory task: frames, units, reachability."""
 
-from collections.abc import Callable
+import asyncio
 from dataclasses import dataclass
-from math import radians
+from math import pi, radians
 
 from daemon import frames
 from daemon.goals import schema
 from daemon.goals.errors import ErrorCode, ProtocolError
-from daemon.goals.methods import GoalSubmit
-from daemon.guidance import planner
+from daemon.goals.methods import GoalSubmit, ReferenceSet
+from daemon.guidance import planner, reachability
 from daemon.guidance.convergence import Convergence, Threshold, Tolerance
-from daemon.guidance.goals import Goal, HoldGoal, WaypointGoal
+from daemon.guidance.goals import (
+    Goal,
+    HoldGoal,
+    PathGoal,
+    PolynomialGoal,
+    ShapeGoal,
+    StreamGoal,
+    Through,
+    WaypointGoal,
+)
+from daemon.guidance.heading import FixedHeading, Heading, PointHeading, TargetHeading, VelocityHeading
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters
+from daemon.guidance.reachability import Reach, Refusal
+from daemon.guidance.shapes import Circle, Lemniscate, Shape
+from daemon.guidance.stream import StreamSample, sample_refusal
 from daemon.guidance.waypoint_modes import WaypointMode
 from daemon.loops.trajectory_task import GoalOrder
 from daemon.messages import AutopilotStatus, GlobalPosition, Quat, Reference, Vec3
 from daemon.safety.geofence import Geofence, violation
 
-OUTLINE = 60
+STAMP_AGE_MAX_S = 1.0
+STAMP_AHEAD_MAX_S = 0.5
+NAMED_HEADINGS: dict[str, Heading] = {
+    "fixed": FixedHeading(),
+    "target": TargetHeading(),
+    "velocity": VelocityHeading(),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,82 +52,151 @@ class Place:
     parameters: GuidanceParameters
 
 
-def order(goal_id: str, params: GoalSubmit, place: Place) -> GoalOrder:
-    """The order of a goal. Raises ``ProtocolError`` with field and reason when it cannot be flown."""
-    kind, goal, resolve = _goal(params, place)
+async def order(goal_id: str, params: GoalSubmit, place: Place, connection: int) -> GoalOrder:
+    """The order of a goal. Raises ``ProtocolError`` with field and reason when it cannot be flown.
+
+    A path to be flown without stopping takes long to plan; that is done beside the loop.
+    """
+    given = params.goal
+    kind = next(name for name in ("waypoint", "path", "trajectory", "stream") if getattr(params, name) is given)
+
+    def make(status: AutopilotStatus) -> Goal:
+        return _goal(given, place, status)
+
+    goal = make(place.status)
     limits = _tightened(place.limits, params.limits)
-    _check_reach(goal, kind, limits, place)
-    return GoalOrder(goal_id=goal_id, kind=kind, goal=goal, limits=limits, timeout_s=params.timeout_s, resolve=resolve)
+    wanted = GoalOrder(
+        goal_id=goal_id,
+        kind=kind,
+        goal=goal,
+        limits=limits,
+        timeout_s=params.timeout_s,
+        resolve=make if _is_global(given) else None,
+        connection=connection,
+    )
+    if wanted.plans_long:
+        await asyncio.get_running_loop().run_in_executor(None, _check, goal, limits, place)
+    else:
+        _check(goal, limits, place)
+    return wanted
 
 
 def moved(old: GoalOrder, waypoint: schema.Waypoint, place: Place) -> GoalOrder:
     """The order of an active goal, moved to another waypoint with its limits and its time-out."""
-    goal, resolve = _waypoint(waypoint, "waypoint", place)
-    _check_reach(goal, "waypoint", old.limits, place)
+
+    def make(status: AutopilotStatus) -> Goal:
+        return _waypoint(waypoint, "waypoint", place, status)
+
+    goal = make(place.status)
+    _check(goal, old.limits, place)
     return GoalOrder(
-        goal_id=old.goal_id, kind="waypoint", goal=goal, limits=old.limits, timeout_s=old.timeout_s, resolve=resolve
+        goal_id=old.goal_id,
+        kind="waypoint",
+        goal=goal,
+        limits=old.limits,
+        timeout_s=old.timeout_s,
+        resolve=make if waypoint.frame == "global" else None,
+        connection=old.connection,
     )
 
 
-Resolve = Callable[[AutopilotStatus], Goal] | None
+Given = schema.Waypoint | schema.Path | schema.Trajectory | schema.Stream
 
 
-def _goal(params: GoalSubmit, place: Place) -> tuple[str, Goal, Resolve]:
-    if params.waypoint is not None:
-        goal, resolve = _waypoint(params.waypoint, "waypoint", place)
-        return "waypoint", goal, resolve
-    if params.trajectory is not None and params.trajectory.kind == "hold":
-        return "trajectory", HoldGoal(duration_s=params.trajectory.duration_s), None
-    given = "path" if params.path is not None else "trajectory" if params.trajectory is not None else "stream"
-    raise ProtocolError(ErrorCode.REFUSED, "this daemon does not fly goals of this kind yet", given)
+def _is_global(given: Given) -> bool:
+    if isinstance(given, schema.Path):
+        return any(waypoint.frame == "global" for waypoint in given.waypoints)
+    return getattr(given, "frame", None) == "global"
 
 
-def _waypoint(waypoint: schema.Waypoint, field: str, place: Place) -> tuple[WaypointGoal, Resolve]:
-    def make(status: AutopilotStatus) -> WaypointGoal:
-        return WaypointGoal(
-            position_ned_m=_position(waypoint, field, place, status),
-            attitude_wb=_attitude(waypoint, place),
-            mode=WaypointMode(waypoint.mode),
-            convergence=_convergence(waypoint),
-            hold_s=waypoint.hold_s,
+def _goal(given: Given, place: Place, status: AutopilotStatus) -> Goal:
+    if isinstance(given, schema.Waypoint):
+        return _waypoint(given, "waypoint", place, status)
+    if isinstance(given, schema.Path):
+        waypoints = tuple(
+            _waypoint(waypoint, f"path.waypoints[{i}]", place, status) for i, waypoint in enumerate(given.waypoints)
         )
+        return PathGoal(waypoints=waypoints, through=Through(given.through))
+    if isinstance(given, schema.Stream):
+        return StreamGoal(timeout_s=given.timeout_s)
+    if isinstance(given, schema.HoldFor):
+        return HoldGoal(duration_s=given.duration_s)
+    if isinstance(given, schema.Polynomial):
+        heading = _heading(given.heading, "local_ned", place, status)
+        return PolynomialGoal(jerk_ned_m_s3=given.jerk_m_s3, duration_s=given.duration_s, heading=heading)
+    return _shape(given, place, status)
 
-    return make(place.status), make if waypoint.frame == "global" else None
+
+def _waypoint(waypoint: schema.Waypoint, field: str, place: Place, status: AutopilotStatus) -> WaypointGoal:
+    position = None
+    if waypoint.position is not None:
+        position = _point(waypoint.position, waypoint.frame, f"{field}.frame", place, status)
+    return WaypointGoal(
+        position_ned_m=position,
+        attitude_wb=_attitude(waypoint, place),
+        mode=WaypointMode(waypoint.mode),
+        convergence=_convergence(waypoint),
+        hold_s=waypoint.hold_s,
+    )
 
 
-def _position(waypoint: schema.Waypoint, field: str, place: Place, status: AutopilotStatus) -> Vec3 | None:
-    position = waypoint.position
-    if position is None:
-        return None
-    if waypoint.frame == "local_enu":
+def _shape(given: schema.Circle | schema.Lemniscate, place: Place, status: AutopilotStatus) -> ShapeGoal:
+    center = _point(given.center, given.frame, "trajectory.frame", place, status)
+    axis = _direction(given.axis, given.frame, place)
+    shape: Shape
+    if isinstance(given, schema.Circle):
+        shape = Circle(center_ned_m=center, radius_m=given.radius_m, axis_ned=axis)
+    else:
+        shape = Lemniscate(center_ned_m=center, size_m=given.size_m, axis_ned=axis)
+    return ShapeGoal(
+        shape=shape,
+        speed_m_s=given.speed_m_s,
+        period_s=given.period_s,
+        turns=given.turns,
+        clockwise=given.direction == "cw",
+        heading=_heading(given.heading, given.frame, place, status),
+    )
+
+
+def _heading(heading: schema.Heading, frame: str, place: Place, status: AutopilotStatus) -> Heading:
+    if isinstance(heading, schema.HeadingPoint):
+        return PointHeading(_point(heading.point, frame, "trajectory.frame", place, status))
+    return NAMED_HEADINGS[heading]
+
+
+def _point(position: Vec3, frame: str, field: str, place: Place, status: AutopilotStatus) -> Vec3:
+    if frame == "local_enu":
         return frames.ned_from_enu(position)
-    if waypoint.frame == "body_frd":
+    if frame == "body_frd":
         ahead = frames.rotate_about_down(position, place.flown.yaw_rad)
         return frames.add(place.flown.position_ned_m, ahead)
-    if waypoint.frame == "global":
+    if frame == "global":
         if status.global_origin is None:
             reason = "the autopilot has not told where its local frame lies on the globe"
-            raise ProtocolError(ErrorCode.WRONG_STATE, reason, f"{field}.frame")
+            raise ProtocolError(ErrorCode.WRONG_STATE, reason, field)
         return frames.ned_from_global(GlobalPosition(*position), status.global_origin)
     return position
 
 
+def _direction(axis: Vec3, frame: str, place: Place) -> Vec3:
+    if frame == "local_enu":
+        return frames.ned_from_enu(axis)
+    return frames.rotate_about_down(axis, place.flown.yaw_rad) if frame == "body_frd" else axis
+
+
 def _attitude(waypoint: schema.Waypoint, place: Place) -> Quat | None:
+    frame, now_rad = waypoint.frame, place.flown.yaw_rad
     if waypoint.orientation is not None:
         q = frames.normalized(waypoint.orientation)
-        if waypoint.frame == "local_enu":
-            return frames.attitude_ned_from_enu(q)
-        if waypoint.frame == "body_frd":
-            return frames.multiply(frames.from_yaw(place.flown.yaw_rad), q)
-        return q
+        if frame == "local_enu":
+            return frames.attitude_ned_from_enu(frames.multiply(q, (0.0, 1.0, 0.0, 0.0)))
+        return frames.multiply(frames.from_yaw(now_rad), q) if frame == "body_frd" else q
     if waypoint.yaw_deg is None:
         return None
     yaw = radians(waypoint.yaw_deg)
-    if waypoint.frame == "local_enu":
-        yaw = frames.yaw_ned_from_enu(yaw)
-    elif waypoint.frame == "body_frd":
-        yaw += place.flown.yaw_rad
-    return frames.from_yaw(frames.wrap_pi(yaw))
+    if frame == "local_enu":
+        yaw = 0.5 * pi - yaw
+    return frames.from_yaw(frames.wrap_pi(yaw + now_rad if frame == "body_frd" else yaw))
 
 
 def _convergence(waypoint: schema.Waypoint) -> Convergence:
@@ -134,24 +222,43 @@ def _tightened(limits: MotionLimits, wanted: schema.Limits | None) -> MotionLimi
     )
 
 
-def _check_reach(goal: Goal, kind: str, limits: MotionLimits, place: Place) -> None:
-    """The goal and the path to it lie inside the fence and within reach."""
-    field = f"{kind}.position"
-    position = goal.position_ned_m if isinstance(goal, WaypointGoal) else None
-    if position is not None:
-        distance_m = frames.norm(frames.subtract(position, place.flown.position_ned_m))
-        if not distance_m <= place.max_distance_m:
-            reason = f"is {distance_m:.0f} m away; at most {place.max_distance_m:g} m are allowed"
-            raise ProtocolError(ErrorCode.REFUSED, reason, field)
-        _check_fence(place.fence, position, field, "")
-    plan = planner.plan(place.flown, goal, limits, place.parameters)
-    if violation(place.fence, place.flown.position_ned_m) is None:
-        for reference in plan.outline(OUTLINE):
-            _check_fence(place.fence, reference.position_ned_m, field, "on the way: ")
+def _check(goal: Goal, limits: MotionLimits, place: Place) -> None:
+    """The goal, the way to it and the way along it are within the fence, within reach and within the limits."""
+    reach = Reach(
+        limits=limits,
+        fence=lambda position: violation(place.fence, position),
+        max_distance_m=place.max_distance_m,
+    )
+    _refuse(reachability.refusal(goal, place.flown, reach))
+    if not isinstance(goal, StreamGoal):
+        plan = planner.plan(place.flown, goal, limits, place.parameters)
+        _refuse(reachability.path_refusal(plan, goal, reach))
 
 
-def _check_fence(fence: Geofence, position: Vec3, field: str, where: str) -> None:
-    found = violation(fence, position)
+def _refuse(refusal: Refusal | None) -> None:
+    if refusal is not None:
+        raise ProtocolError(ErrorCode.REFUSED, refusal.reason, refusal.field)
+
+
+def stream_sample(params: ReferenceSet, now_s: float) -> StreamSample:
+    """A reference from outside; without a stamp it counts as of now."""
+    return StreamSample(
+        stamp_s=now_s if params.stamp_s is None else params.stamp_s,
+        position_ned_m=params.position,
+        velocity_ned_m_s=params.velocity,
+        acceleration_ned_m_s2=params.acceleration,
+        jerk_ned_m_s3=params.jerk,
+        yaw_rad=None if params.yaw_deg is None else radians(params.yaw_deg),
+        yaw_rate_rad_s=None if params.yaw_rate_deg_s is None else radians(params.yaw_rate_deg_s),
+    )
+
+
+def stream_refusal(sample: StreamSample, limits: MotionLimits, fence: Geofence, now_s: float) -> Refusal | None:
+    """What is wrong with a reference from outside, or None."""
+    if not now_s - STAMP_AGE_MAX_S <= sample.stamp_s <= now_s + STAMP_AHEAD_MAX_S:
+        return Refusal("stamp_s", f"{sample.stamp_s - now_s:+.2f} s from now; it is CLOCK_MONOTONIC of this machine")
+    found = sample_refusal(sample, limits)
     if found is not None:
-        axis, reason = found
-        raise ProtocolError(ErrorCode.REFUSED, f"{where}{reason}", f"{field}[{axis}]")
+        return Refusal(*found)
+    outside = violation(fence, sample.position_ned_m)
+    return None if outside is None else Refusal(f"position[{outside[0]}]", outside[1])

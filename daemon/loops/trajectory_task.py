@@ -14,10 +14,11 @@ from daemon import frames
 from daemon.guidance import planner
 from daemon.guidance.brake import brake
 from daemon.guidance.convergence import Tolerance, converged
-from daemon.guidance.goals import Goal, WaypointGoal
+from daemon.guidance.goals import Goal, PathGoal, StreamGoal, Through, WaypointGoal
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters
-from daemon.guidance.plan import Plan
+from daemon.guidance.plan import Plan, SequencePlan
+from daemon.guidance.stream import StreamSample, completed, follow
 from daemon.guidance.waypoint_modes import Pose, PoseError, WaypointMode, pose_error
 from daemon.latest import Latest
 from daemon.loops.goal_book import GoalBook, GoalEntry
@@ -34,13 +35,17 @@ from daemon.messages import (
 from daemon.pipeline import Inputs, Record
 from daemon.safety.supervisor import FLYING, State
 
+PLANNING_S = 0.5  # a path planned beside the loop starts this far ahead; twice as far when that was too near
 WAITING = frozenset({State.READY, State.ENGAGING, State.PILOT, State.FAULT})
 REST_SPEED_M_S = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GoalOrder:
-    """A goal as the service hands it over. ``resolve`` makes it anew for an autopilot whose origin has moved."""
+    """A goal as the service hands it over.
+
+    ``resolve`` makes it anew for an autopilot whose origin has moved; ``connection`` submitted it.
+    """
 
     goal_id: str
     kind: str
@@ -48,6 +53,12 @@ class GoalOrder:
     limits: MotionLimits
     timeout_s: float | None = None
     resolve: Callable[[AutopilotStatus], Goal] | None = None
+    connection: int = 0
+
+    @property
+    def plans_long(self) -> bool:
+        """Whether planning it takes longer than a tick of the task may."""
+        return isinstance(self.goal, PathGoal) and self.goal.through is Through.FLY_BY
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +91,9 @@ class _Active:
     within_since_s: float | None = None
     reached_s: float | None = None
     canceled: bool = False
+    ahead: "asyncio.Task[None] | None" = None
+    streamed: StreamSample | None = None
+    flying_since_s: float = 0.0
 
 
 class TrajectoryTask:
@@ -159,6 +173,21 @@ class TrajectoryTask:
             self._end("aborted", reason=reason)
             self.wake()
 
+    def stream(self, sample: StreamSample) -> None:
+        """Take the next reference of the active stream goal; the window follows it at once."""
+        active = self._active
+        record = self._record.value
+        if active is None or record is None or record.reference is None or active.canceled:
+            return
+        goal = active.order.goal
+        if not isinstance(goal, StreamGoal):
+            return
+        sample = completed(sample, active.streamed, active.order.limits)
+        active.streamed = sample
+        flown = record.reference
+        active.plan = follow(flown, sample, goal.timeout_s, active.order.limits, self._parameters().omega_yaw_rad_s)
+        self.wake()
+
     def wake(self) -> None:
         """Tick at the next pass of the loop."""
         if not self._woken:
@@ -197,6 +226,7 @@ class TrajectoryTask:
         self._follow_resets(record.estimate.shift)
         plan = self._current_plan(record.reference)
         if self._active is not None and record.estimate.newest is not None:
+            self._active.flying_since_s = self._active.flying_since_s or now_s
             self._judge(self._active, plan, record.estimate.newest, now_s)
             plan = self._current_plan(record.reference)
         self.plan.set(plan)
@@ -234,19 +264,41 @@ class TrajectoryTask:
 
     def _current_plan(self, flown: Reference) -> Plan:
         active = self._active
-        if active is None:
+        if active is None or (active.plan is None and active.ahead is not None):
             if self._rest is None:
                 self._rest = brake(flown, self._limits())
             return self._rest
+        if active.plan is None and active.order.plans_long and not active.canceled:
+            self._plan_ahead(active, flown)
+            return self._current_plan(flown)
         if active.plan is None:
             self._rest = None
-            if active.canceled:
-                active.plan = brake(flown, self._limits())
-            else:
-                order = active.order
-                goal = order.resolve(self._status.value) if order.resolve else order.goal
-                active.plan = planner.plan(flown, goal, order.limits, self._parameters())
+            active.plan = brake(flown, self._limits()) if active.canceled else self._planned(active.order, flown)
         return active.plan
+
+    def _planned(self, order: GoalOrder, start: Reference) -> Plan:
+        goal = order.resolve(self._status.value) if order.resolve else order.goal
+        return planner.plan(start, goal, order.limits, self._parameters())
+
+    def _plan_ahead(self, active: _Active, flown: Reference) -> None:
+        """Plan beside the loop, from where the plan that is being flown will be then."""
+        before = self.plan.value or brake(flown, self._limits())
+        self._rest = before
+        active.ahead = asyncio.get_running_loop().create_task(self._plan_beside(active, before, self._shift.count))
+
+    async def _plan_beside(self, active: _Active, before: Plan, shift_count: int) -> None:
+        loop = asyncio.get_running_loop()
+        lead_s = PLANNING_S
+        while self._active is active and active.plan is None:
+            start = before.sample(loop.time() + lead_s)
+            plan = await loop.run_in_executor(None, self._planned, active.order, start)
+            if self._active is not active or active.canceled or self._shift.count != shift_count:
+                break
+            if loop.time() < start.time_s:
+                active.plan = SequencePlan((before, plan))
+            lead_s *= 2.0
+        active.ahead = None
+        self.wake()
 
     def _judge(self, active: _Active, plan: Plan, state: EstimatedState, now_s: float) -> None:
         """Progress, convergence, time-out, and the end of a canceled goal."""
@@ -268,29 +320,36 @@ class TrajectoryTask:
             if now_s >= plan.end_s and speed < REST_SPEED_M_S:
                 self._finish("canceled", plan)
             return
+        if isinstance(order.goal, StreamGoal):
+            heard_s = active.streamed.stamp_s if active.streamed else active.flying_since_s
+            if now_s - heard_s > order.goal.timeout_s:
+                self._end("aborted", reason="stream_timeout")
+                return
         if order.timeout_s is not None and now_s - active.entry.accepted_s >= order.timeout_s:
             self._end("aborted", reason="timeout")
             return
-        self._judge_convergence(active, waypoint, plan, error, speed, now_s)
+        if active.ahead is None and not isinstance(order.goal, StreamGoal):
+            self._judge_convergence(active, plan, error, speed, now_s)
 
     def _judge_convergence(
         self,
         active: _Active,
-        waypoint: WaypointGoal | None,
         plan: Plan,
         error: PoseError,
         speed_m_s: float,
         now_s: float,
     ) -> None:
+        goal = active.order.goal
+        last = goal.waypoints[-1] if isinstance(goal, PathGoal) else goal
         if active.reached_s is None:
-            if waypoint is None and now_s < plan.end_s:
+            if not isinstance(goal, WaypointGoal) and now_s < plan.end_s:
                 return
-            criterion = waypoint.convergence if waypoint else Tolerance()
+            criterion = last.convergence if isinstance(last, WaypointGoal) else Tolerance()
             active.within_since_s, reached = converged(criterion, active.within_since_s, error, speed_m_s, now_s)
             if not reached:
                 return
             active.reached_s = now_s
-        if now_s - active.reached_s >= (waypoint.hold_s if waypoint else 0.0):
+        if now_s - active.reached_s >= (goal.hold_s if isinstance(goal, WaypointGoal) else 0.0):
             self._finish("succeeded", plan)
 
     def _finish(self, outcome: str, plan: Plan) -> None:

@@ -18,6 +18,7 @@ from daemon.messages import RequestKind, VehicleRequest
 from daemon.parameters import geofence, guidance_parameters, pipeline_parameters
 from daemon.pipeline import Parameters, Record
 from daemon.safety.dead_man import SetpointGate
+from daemon.safety.geofence import Geofence
 from daemon.safety.supervisor import OURS
 
 RELEASE_S = 1.2
@@ -59,6 +60,11 @@ class Vehicle:
         self.control.listeners.append(self.trajectory.on_control_tick)
         self.commander = Commander(autopilot, self.gate, self.record, self.request, CommandTimeouts())
         self.health = HealthTask(self, Grid(0.2, alarm()))
+
+    @property
+    def fence(self) -> Geofence:
+        """The geofence where it is called now."""
+        return self.parameters.value.bounds.fence
 
     async def run(self) -> None:
         """Run all tasks until cancelled; the first that fails ends all."""
