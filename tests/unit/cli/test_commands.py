@@ -94,7 +94,7 @@ def test_vehicle_commands_ask_for_what_they_are_called(flightd, path, name):
         done = flightd(name, "--json")
         assert [call[0] for call in daemon.calls] == [name]
     assert done.returncode == 0, done.err
-    assert json.loads(done.out)["mode"] == "hold"
+    assert json.loads(done.out)["mode"] == {"engage": "offboard", "land": "land", "return": "return"}.get(name, "hold")
 
 
 def test_takeoff_and_status_in_words(flightd, path):

@@ -17,6 +17,18 @@ CEILING_M = 120.0
 LOOP = {"rate_hz": 100.0, "period_p99_ms": 10.4, "late": 0, "missed": 0}
 SETTING = {"path": "limits.speed_m_s", "value": 5.0, "min": 0.1, "max": 15.0, "unit": "m/s", "settable": True}
 
+IN_HOLD = {"state": "ready", "mode": "hold", "armed": True, "landed": "in_air"}
+ON_GROUND = {"state": "standby", "mode": "hold", "armed": False, "landed": "on_ground"}
+DONE = {
+    "arm": ON_GROUND | {"armed": True},
+    "disarm": ON_GROUND,
+    "takeoff": IN_HOLD,
+    "engage": IN_HOLD | {"state": "holding", "mode": "offboard"},
+    "hold": IN_HOLD,
+    "land": ON_GROUND | {"mode": "land"},
+    "return": ON_GROUND | {"mode": "return"},
+}
+
 
 class FakeFlight:
     """Implements `FlightService`. ``auto`` is the outcome that goals reach by themselves after ``steps`` feedbacks."""
@@ -60,7 +72,7 @@ class FakeFlight:
         self.calls.append((name, params))
         if self.state == "standby" and name not in ("arm", "takeoff"):
             raise ProtocolError(ErrorCode.WRONG_STATE, "the vehicle is in standby")
-        return {"state": "ready", "mode": "hold", "armed": True, "landed": "in_air"}
+        return dict(DONE[name])
 
     async def vehicle_arm(self, params, caller):
         return await self._vehicle("arm", params, caller)
