@@ -1,6 +1,6 @@
 """What PX4's estimator believes: truth plus errors as recorded, jumps with their counter, the loss of GPS.
 
-Velocity errs by a Gauss-Markov process of about a second, position by the integral of that error, pulled back by
+Velocity errs by a Gauss-Markov process of some seconds, position by the integral of that error, pulled back by
 GPS, and by a slow wander; tilt by a standing bias and a Gauss-Markov process; the heading by a large bias that differs
 from start to start. The standard deviations are those of recordings of PX4 1.17 SITL (hover; smaller at rest).
 """
@@ -17,10 +17,12 @@ from daemon.sim.vehicle import VehicleState
 STEP_S = 0.008  # PX4's estimator output: 125 Hz
 
 _VELOCITY_STD_M_S = (0.06, 0.13, 0.06)
-_VELOCITY_TIME_S = 1.2
-_POSITION_PULL_S = 2.0
+_VELOCITY_TIME_S = (4.0, 2.5, 1.2)
+_TILT_TIME_S = 1.2
+_POSITION_PULL_S = 1.5
 _WANDER_STD_M = (0.12, 0.12, 0.15)
 _WANDER_TIME_S = 30.0
+_WANDER_SMOOTH_S = 0.7
 _TILT_STD_RAD = (radians(0.6), radians(0.2))
 _TILT_BIAS_STD_RAD = (radians(1.2), radians(0.8))
 _HEADING_STD_RAD = radians(1.0)
@@ -70,13 +72,14 @@ class Estimator:
     def __init__(self, draw: Iterator[float], *, noise: bool) -> None:
         self._draw = draw
         self._noise = noise
-        self._velocity = tuple(Coloured(_VELOCITY_TIME_S, STEP_S) for _ in range(3))
+        self._velocity = tuple(Coloured(time_s, STEP_S) for time_s in _VELOCITY_TIME_S)
         self._wander = tuple(Coloured(_WANDER_TIME_S, STEP_S, self._normal()) for _ in range(3))
-        self._tilt = tuple(Coloured(_VELOCITY_TIME_S, STEP_S) for _ in range(3))
+        self._tilt = tuple(Coloured(_TILT_TIME_S, STEP_S) for _ in range(3))
         self._tilt_bias = tuple(_TILT_BIAS_STD_RAD[i] * self._normal() for i in range(2))
         self._heading_bias = _HEADING_BIAS_STD_RAD * self._normal()
         self.origin_ned_m: Vec3 = tuple(0.15 * self._normal() for _ in range(3))  # type: ignore[assignment]
         self._pulled: Vec3 = ZERO3
+        self._wandered: Vec3 = ZERO3
         self._share = _REST_SHARE
         self._external: Vec3 = ZERO3
         self._external_age_s: float | None = None
@@ -233,11 +236,14 @@ class Estimator:
         keep = 1.0 - STEP_S / _POSITION_PULL_S
         self._pulled = (px * keep + vx * STEP_S, py * keep + vy * STEP_S, pz * keep + vz * STEP_S)
         drift, speed, pulled = self._drift, self._drift_velocity, self._pulled
-        position = (
-            drift[0] + pulled[0] + _WANDER_STD_M[0] * w[0].update(next(draw)) * share,
-            drift[1] + pulled[1] + _WANDER_STD_M[1] * w[1].update(next(draw)) * share,
-            drift[2] + pulled[2] + _WANDER_STD_M[2] * w[2].update(next(draw)) * share,
-        )
+        sx, sy, sz = _WANDER_STD_M
+        wx, wy, wz = self._wandered
+        smooth = STEP_S / _WANDER_SMOOTH_S
+        wx += (share * sx * w[0].update(next(draw)) - wx) * smooth
+        wy += (share * sy * w[1].update(next(draw)) - wy) * smooth
+        wz += (share * sz * w[2].update(next(draw)) - wz) * smooth
+        self._wandered = (wx, wy, wz)
+        position = (drift[0] + pulled[0] + wx, drift[1] + pulled[1] + wy, drift[2] + pulled[2] + wz)
         turn = (
             share * (self._tilt_bias[0] + _TILT_STD_RAD[0] * t[0].update(next(draw))),
             share * (self._tilt_bias[1] + _TILT_STD_RAD[1] * t[1].update(next(draw))),

@@ -36,13 +36,14 @@ DEFAULT_HOME = GlobalPosition(47.397742, 8.545594, 489.4)
 _COMMANDER_US = 10_000
 _ESTIMATOR_STEPS = 2
 _ODOMETRY_AGE_US = 12_000  # an estimate has made its way to the sender after this
-_ATTITUDE_AGE_US = 8_000
+_ATTITUDE_STEPS = 3  # attitude and IMU samples of the last steps: the oldest, 8 ms ago, is what is being sent
 _STATUS_STEPS = 125  # vehicle_status is published at 2 Hz and on every change
 _HEADING_STABLE_S = 2.0  # after boot
 _ARMABLE_S = 5.0
 _SILENT_AFTER_BOOT_S = 1.5
 _STAYS_DOWN = frozenset((FlightMode.HOLD, FlightMode.LAND, FlightMode.RETURN, FlightMode.UNKNOWN))
 _FAST = frozenset(("ATTITUDE", "ATTITUDE_QUATERNION", "HIGHRES_IMU"))
+_SAMPLED = _FAST | {"ODOMETRY", "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT"}
 
 
 class SimulatedPx4:
@@ -144,6 +145,7 @@ class SimulatedPx4:
         if self.simulated_us >= self._next_commander_us:
             self._next_commander_us += _COMMANDER_US
             self._command()
+        self._past.append(self.present)
         self.receiver.echo_parameters()
         if self.uptime_s > self._silent_until_s:
             self._stream()
@@ -179,6 +181,11 @@ class SimulatedPx4:
     def position_valid(self) -> bool:
         """Whether PX4's checks take the position as usable."""
         return self.estimator.position_valid and self.uptime_s > _ARMABLE_S
+
+    @property
+    def present(self) -> Sample:
+        """Estimate, rates and truth of this moment."""
+        return Sample(self.time_us, self.estimator.estimate, self.rate_loop.filtered_rates, self.truth)
 
     @property
     def height_m(self) -> float:
@@ -228,8 +235,12 @@ class SimulatedPx4:
         self.setpoint = Setpoint(ZERO3, 0.0)
         self.signals = self.rate_loop.stop()
         self._attitude_setpoint_ms = 0
+        self._fusing = True
         self._flown_mode: FlightMode | None = None
         self._history: deque[Sample] = deque(maxlen=8)
+        self._past: deque[Sample] = deque(maxlen=_ATTITUDE_STEPS)
+        self._sent_us: dict[str, int] = {}
+        self._status_us = 0
         self.home_local_m: Vec3 = ZERO3
         self.home_global = self.home
         self.estimator.step(self.truth, self.time_us)
@@ -262,7 +273,7 @@ class SimulatedPx4:
             self.tasks.shift(jump)
         if self.estimator.jumps:
             self.estimator.jumps.clear()
-        self._history.append(Sample(self.time_us, estimate, self.rate_loop.filtered_rates))
+        self._history.append(self.present)
         mode = self.commander.task
         if mode is not self._flown_mode:
             self._enter(mode)
@@ -311,7 +322,7 @@ class SimulatedPx4:
         self.estimator.gps = self.parameters["SIM_GPS_USED"] > 0
         if commander.changed or self._steps % _STATUS_STEPS < 3:
             commander.changed = False
-            self.streams.stale.discard("CURRENT_MODE")
+            self._status_us = self.time_us
 
     def _look(self) -> None:
         """What the commander sees."""
@@ -322,6 +333,9 @@ class SimulatedPx4:
         seen.thrust_share = self.setpoint.thrust / hover if isfinite(self.setpoint.thrust) else 0.0
         seen.position_valid = self.position_valid
         seen.heading_stable = self.heading_stable
+        if self.estimator.fusing != self._fusing:
+            self._fusing = self.estimator.fusing
+            self.announcer.say("gnss_fusion_started" if self._fusing else "gnss_fusion_stopped")
         seen.compass_fault = self.estimator.heading_fault
         seen.task_finished = self.tasks.finished
         seen.battery_fraction = self.battery.fraction
@@ -341,22 +355,33 @@ class SimulatedPx4:
         )
 
     def _stream(self) -> None:
-        now_us = self.time_us
-        for name in self.streams.due(self.simulated_us):
-            sample = self._newest(now_us - (_ATTITUDE_AGE_US if name in _FAST else _ODOMETRY_AGE_US))
+        """Send what is due and new."""
+        names = self.streams.due(self.simulated_us, self._has_news)
+        for name in names:
+            sample = self._newest(name)
+            self._sent_us[name] = sample.stamp_us
             fields: Fields | None = telemetry.MESSAGES[name](self, sample)
             if name in self.faults.spoilt and fields is not None:
                 fields = self.faults.spoil(name, fields)
             if fields is not None:
                 self.send(name, fields)
-            if name == "CURRENT_MODE":
-                self.streams.stale.add(name)
 
-    def _newest(self, until_us: int) -> Sample:
+    def _has_news(self, name: str) -> bool:
+        if name == "CURRENT_MODE":
+            return self._status_us > self._sent_us.get(name, -1)
+        return name not in _SAMPLED or self._newest(name).stamp_us != self._sent_us.get(name)
+
+    def _newest(self, name: str) -> Sample:
+        """The newest sample that has made its way to the sender of this message."""
+        if name not in _SAMPLED:
+            return self.present
+        if name in _FAST:
+            return self._past[0]
+        until_us = self.time_us - _ODOMETRY_AGE_US
         for sample in reversed(self._history):
             if sample.stamp_us <= until_us:
                 return sample
-        return self._history[0] if self._history else Sample(self.time_us, self.estimator.estimate, ZERO3)
+        return self._history[0] if self._history else self.present
 
 
 def _float32(value: float) -> bytes:

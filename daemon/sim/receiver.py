@@ -12,7 +12,7 @@ from daemon.sim.parameters import DOES_NOT_EXIST
 from daemon.sim.position_control import attitude_rates
 from daemon.sim.sensors import ned_of
 from daemon.sim.streams import TABLE
-from daemon.sim.telemetry import MESSAGES, Fields, Sample
+from daemon.sim.telemetry import MESSAGES, Fields
 
 if TYPE_CHECKING:
     from daemon.sim.px4 import SimulatedPx4
@@ -143,8 +143,7 @@ class Receiver:
             px4.send("AUTOPILOT_VERSION", {**_VERSION, "uid": 5283920058631409231 + px4.system_id - 1})
         elif identifier in TABLE:
             name = TABLE[identifier][0]
-            sample = Sample(px4.time_us, px4.estimator.estimate, px4.rate_loop.filtered_rates)
-            px4.send(name, MESSAGES[name](px4, sample))
+            px4.send(name, MESSAGES[name](px4, px4.present))
         else:
             return DENIED
         return ACCEPTED
@@ -170,8 +169,7 @@ class Receiver:
         place = GlobalPosition(f["latitude"] * 1e-7, f["longitude"] * 1e-7, f["altitude"] * 1e-3)
         target, origin = ned_of(place, px4.home), px4.estimator.origin_ned_m
         px4.estimator.move_origin((target[0] - origin[0], target[1] - origin[1], target[2] - origin[2]))
-        sample = Sample(px4.time_us, px4.estimator.estimate, px4.rate_loop.filtered_rates)
-        px4.send("GPS_GLOBAL_ORIGIN", MESSAGES["GPS_GLOBAL_ORIGIN"](px4, sample))
+        px4.send("GPS_GLOBAL_ORIGIN", MESSAGES["GPS_GLOBAL_ORIGIN"](px4, px4.present))
 
     def _param_read(self, f: Fields, sender: Sender) -> None:
         name, px4 = str(f["param_id"]).rstrip("\0"), self._px4

@@ -5,6 +5,8 @@ PX4's sender wakes every few milliseconds, looks at each stream and sends what i
 with the newest sample that has made its way: that gives the recorded 8 and 16 ms steps of ODOMETRY's stamps.
 """
 
+from collections.abc import Callable
+
 STEP_US = 4000
 _SLOWEST_LOOP_US = 10_000
 
@@ -40,7 +42,7 @@ TABLE: dict[int, tuple[str, int]] = {
 
 
 class Streams:
-    """When each message is due. A message in ``stale`` has nothing new to say and waits, due or not."""
+    """When each message is due."""
 
     def __init__(self) -> None:
         self._intervals_us = {identifier: interval for identifier, (_, interval) in TABLE.items()}
@@ -48,7 +50,6 @@ class Streams:
         self._active: list[tuple[int, str, int]] = []
         self._loop_us = _SLOWEST_LOOP_US
         self._next_loop_us = 0.0
-        self.stale: set[str] = set()
         self._rebuild()
 
     def set_interval(self, identifier: int, interval_us: float) -> bool:
@@ -66,8 +67,8 @@ class Streams:
         """GET_MESSAGE_INTERVAL: microseconds, -1 when the message is not sent or not known."""
         return self._intervals_us.get(identifier, 0) or -1
 
-    def due(self, now_us: int) -> list[str]:
-        """Names of the messages to be sent at this step."""
+    def due(self, now_us: int, has_news: Callable[[str], bool]) -> list[str]:
+        """Names of the messages to be sent at this step; one without news waits, due or not."""
         if now_us < self._next_loop_us:
             return []
         self._next_loop_us += self._loop_us
@@ -78,7 +79,7 @@ class Streams:
         for identifier, name, interval_us in self._active:
             last_us = sent[identifier]
             waited_us = now_us - last_us
-            if waited_us > interval_us - slack_us and name not in self.stale:
+            if waited_us > interval_us - slack_us and has_news(name):
                 sent[identifier] = last_us + interval_us if waited_us < 1.5 * interval_us else now_us
                 names.append(name)
         return names

@@ -10,6 +10,7 @@ from daemon.messages import Vec3
 from daemon.sim.estimator import Estimate
 from daemon.sim.modes import STANDARD_MODE, base_mode, custom_mode
 from daemon.sim.sensors import global_of
+from daemon.sim.vehicle import VehicleState
 
 if TYPE_CHECKING:
     from daemon.sim.px4 import SimulatedPx4
@@ -25,11 +26,12 @@ _FLAGS_GROUND, _FLAGS_FLYING, _FLAGS_NO_POSITION, _FLAGS_NO_FUSION, _FLAGS_BOOT 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
-    """An output of the estimator with the body rates of the same moment, as it waits to be sent."""
+    """Estimate, filtered body rates and truth of one moment, as they wait to be sent."""
 
     stamp_us: int
     estimate: Estimate
     rates_frd_rad_s: Vec3
+    truth: VehicleState
 
 
 def odometry(px4: "SimulatedPx4", sample: Sample) -> Fields:
@@ -127,8 +129,8 @@ def attitude_quaternion(px4: "SimulatedPx4", sample: Sample) -> Fields:
 
 def highres_imu(px4: "SimulatedPx4", sample: Sample) -> Fields:
     """HIGHRES_IMU: specific force, rates, magnetic field, barometer."""
-    force, rates, field = px4.sensors.imu(px4.truth)
-    altitude_m = px4.home.altitude_amsl_m - px4.truth.position_ned_m[2]
+    force, rates, field = px4.sensors.imu(sample.truth)
+    altitude_m = px4.home.altitude_amsl_m - sample.truth.position_ned_m[2]
     return {
         "time_usec": sample.stamp_us,
         "xacc": force[0],

@@ -22,8 +22,8 @@ CLIENT = (1, 195)
 class Traffic:
     """Rare messages as ``[t, who, name, fields]`` (who: rx, tx, rx_gcs, tx_gcs, note), frequent ones as tables."""
 
-    def __init__(self, slow: list[Any], dense: dict[str, Any]) -> None:
-        self.slow, self.dense = slow, dense
+    def __init__(self, slow: list[Any], dense: dict[str, Any], rates: dict[str, float] | None = None) -> None:
+        self.slow, self.dense, self.rates = slow, dense, rates or {}
 
     def table(self, name: str) -> np.ndarray:
         """Rows ``[t, fields ...]``."""
@@ -130,17 +130,17 @@ def rate_setpoint(p: float, q: float, r: float, thrust: float) -> dict[str, Any]
     return {"type_mask": 128, "q": [0.0] * 4, **rates, "thrust": thrust}
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def recording() -> Callable[[str], Traffic]:
     def load(name: str) -> Traffic:
         with gzip.open(RECORDINGS / f"{name}.json.gz", "rt") as file:
             data = json.load(file)
-        return Traffic(data["slow"], data["dense"])
+        return Traffic(data["slow"], data["dense"], data.get("rates"))
 
     return load
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def flight() -> Callable[..., Flight]:
     """A vehicle on the ground, or in the air when a height is given."""
 
