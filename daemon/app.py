@@ -4,8 +4,9 @@ import asyncio
 import gc
 import os
 import signal
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from daemon import logs
 from daemon.autopilot.mavsdk_link import MavsdkLink
@@ -14,6 +15,7 @@ from daemon.flight_service import Service
 from daemon.goals.hub import Hub
 from daemon.goals.server import GoalServer
 from daemon.goals.sockets import Listener, Operators, SocketInUseError, activated, listen, server_path
+from daemon.journal import Journal
 from daemon.loops.grid import live_alarm
 from daemon.loops.vehicle import Vehicle
 from daemon.notify import notify
@@ -21,6 +23,9 @@ from daemon.parameters import dead_man_timing
 from daemon.realtime import apply as apply_realtime
 from daemon.safety.dead_man import DeadMan
 from daemon.telemetry import Telemetry
+
+if TYPE_CHECKING:
+    from daemon.recording.recorder import Recorder
 
 EXIT_OK = 0
 EXIT_CONFIG = 2
@@ -80,8 +85,13 @@ async def _main(config: Config, socket: Path | None) -> int:
 
 async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Listener, stop: "_Stop") -> int:
     hub = Hub()
-    service = Service(vehicle, hub)
-    Telemetry(vehicle, service, hub)
+    recorder = _recorder(config)
+    journal = Journal(hub, recorder)
+    service = Service(vehicle, hub, journal)
+    Telemetry(vehicle, service, hub, journal)
+    if recorder is not None:
+        recorder.start()
+        vehicle.control.listeners.append(lambda inputs, record: recorder.tick(vehicle.control.state, inputs, record))
     server = GoalServer(
         service, hub, Operators(uids=frozenset(config.goals.operator_uids), gids=frozenset(config.goals.operator_gids))
     )
@@ -107,8 +117,36 @@ async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Li
         dead_man.stop()
         tasks.cancel()
         await asyncio.gather(tasks, return_exceptions=True)
+        if recorder is not None:
+            recorder.close()
         log.info("stopped")
     return EXIT_FAILED if failed else EXIT_OK
+
+
+def _recorder(config: Config) -> Recorder | None:
+    settings = config.recording
+    if not (settings.enabled or settings.live):
+        return None
+    from daemon.recording.recorder import Recorder, RecordingSettings
+
+    home = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+    folder = settings.directory or os.environ.get("STATE_DIRECTORY", "").split(":")[0] or Path(home) / "flightd"
+    return Recorder(
+        RecordingSettings(
+            directory=Path(folder),
+            when=settings.when,
+            before_s=settings.before_s,
+            after_s=settings.after_s,
+            max_file_mb=settings.max_file_mb,
+            keep_mb=settings.keep_mb,
+            path_poses=settings.path_poses,
+            period_s=1.0 / config.loops.control_rate_hz,
+            enabled=settings.enabled,
+            live_port=settings.live_port if settings.live else None,
+        ),
+        about={"version": version("flightd"), "config_hash": config.hash(), "config": config.model_dump(mode="json")},
+        clock=asyncio.get_running_loop().time,
+    )
 
 
 async def _first_of(work: Any, asked_again: "asyncio.Future[None]") -> None:

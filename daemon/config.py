@@ -173,6 +173,21 @@ class Goals(Section):
     operator_gids: Annotated[tuple[int, ...], Field(strict=False)] = ()
 
 
+class Recording(Section):
+    """The flight record."""
+
+    enabled: bool
+    directory: str
+    when: Literal["armed", "always"]
+    before_s: float = _number(0.0, 60.0, "s")
+    after_s: float = _number(0.0, 60.0, "s")
+    max_file_mb: float = _number(1.0, 4096.0, "MB")
+    keep_mb: float = _number(10.0, 1000000.0, "MB")
+    path_poses: int = Field(ge=1, le=10000, json_schema_extra={"unit": "poses"})
+    live: bool
+    live_port: int = Field(ge=1, le=65535)
+
+
 class Log(Section):
     """Logs."""
 
@@ -189,6 +204,7 @@ class Config(Section):
     estimator: Estimator
     safety: Safety
     goals: Goals
+    recording: Recording
     log: Log
 
     def hash(self) -> str:

@@ -6,13 +6,14 @@ from math import degrees, isfinite
 from typing import Any
 
 from daemon import config as configuration
-from daemon import orders, pipeline
+from daemon import logs, orders, pipeline
 from daemon.autopilot.port import CommandRefusedError, CommandTimeoutError, NotConnectedError
 from daemon.estimation import estimator
 from daemon.goals import methods, results
 from daemon.goals.errors import ErrorCode, ProtocolError
 from daemon.goals.hub import Hub
 from daemon.goals.service import Caller, Identity
+from daemon.journal import Journal
 from daemon.loops.commander import Commander, NotPossibleError
 from daemon.loops.goal_book import GoalEntry
 from daemon.loops.grid import GridReport
@@ -22,13 +23,16 @@ from daemon.messages import LandedState
 from daemon.safety.reasons import REASONS
 from daemon.safety.supervisor import FLYING, State
 
+log = logs.get("service")
+
 
 class Service:
     """Implements ``FlightService``: reads the vehicle's parts, and changes them through their mailboxes only."""
 
-    def __init__(self, vehicle: Vehicle, hub: Hub) -> None:
+    def __init__(self, vehicle: Vehicle, hub: Hub, journal: Journal) -> None:
         self._vehicle = vehicle
         self._hub = hub
+        self._journal = journal
         self._started_s = asyncio.get_running_loop().time()
         self._engaging: set[asyncio.Task[None]] = set()
         vehicle.trajectory.listeners.append(self)
@@ -49,7 +53,10 @@ class Service:
 
     def goal_ended(self, entry: GoalEntry) -> None:
         """See ``GoalListener``."""
-        self._hub.goal_result(_goal_record(entry))
+        record = _goal_record(entry)
+        self._hub.goal_result(record)
+        self._journal.goal("ended", entry.goal_id, record)
+        log.info("goal_ended", goal_id=entry.goal_id, outcome=entry.outcome, reason=entry.reason, by=entry.by)
 
     # -- reading
 
@@ -114,7 +121,7 @@ class Service:
         now_s = asyncio.get_running_loop().time()
         record = self._vehicle.control.record.value
         refused = estimator.refusals(
-            self._vehicle.control.estimator_state, now_s, parameters=self._vehicle.parameters.value.estimator
+            self._vehicle.control.state.estimator, now_s, parameters=self._vehicle.parameters.value.estimator
         )
         return {
             "resets": record.estimate.shift.count if record else 0,
@@ -165,9 +172,16 @@ class Service:
         """See ``FlightService``."""
         if self._vehicle.stopping:
             raise ProtocolError(ErrorCode.WRONG_STATE, "the daemon is stopping")
-        engage = self._needs_engage()
-        order = await orders.order(goal_id, params, self._place(), caller.connection)
+        try:
+            engage = self._needs_engage()
+            order = await orders.order(goal_id, params, self._place(), caller.connection)
+        except ProtocolError as error:
+            self._journal.goal("refused", goal_id, {"field": error.field, "reason": error.reason})
+            raise
         preempted = self._vehicle.trajectory.submit(order)
+        details = params.model_dump(mode="json", exclude_none=True)
+        self._journal.goal("submitted", goal_id, {**details, "preempted": preempted})
+        log.info("goal", goal_id=goal_id, kind=order.kind, preempted=preempted, pid=caller.pid, uid=caller.uid)
         if engage:
             task = asyncio.get_running_loop().create_task(self._engage_for(goal_id))
             self._engaging.add(task)
@@ -183,6 +197,7 @@ class Service:
         if active.kind != "waypoint":
             raise ProtocolError(ErrorCode.WRONG_STATE, f"a {active.kind} cannot be moved", "goal_id")
         self._vehicle.trajectory.update(orders.moved(active, params.waypoint, self._place()))
+        self._journal.goal("updated", params.goal_id, params.model_dump(mode="json", exclude_none=True))
         return {"goal_id": params.goal_id}
 
     async def goal_cancel(self, params: methods.GoalCancel, caller: Caller) -> results.GoalRef:
@@ -228,7 +243,10 @@ class Service:
             self._vehicle.set_config(configuration.with_value(self._vehicle.config, params.path, params.value))
         except (configuration.ConfigError, ValueError) as error:
             raise ProtocolError(ErrorCode.REFUSED, str(error), "value") from None
-        return self._setting(params.path)
+        setting = self._setting(params.path)
+        self._journal.event("config.set", f"{params.path} = {setting['value']}")
+        log.info("config_set", path=params.path, value=setting["value"], pid=caller.pid, uid=caller.uid)
+        return setting
 
     # -- helpers
 

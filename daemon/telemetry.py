@@ -6,6 +6,7 @@ from daemon import logs
 from daemon.flight_service import Service
 from daemon.goals.hub import Hub
 from daemon.guidance.plan import Plan
+from daemon.journal import Journal
 from daemon.loops.vehicle import Vehicle
 from daemon.messages import Vec3
 from daemon.pipeline import Inputs, Record
@@ -20,10 +21,11 @@ log = logs.get("vehicle")
 class Telemetry:
     """A listener of the control task. Each topic is made only when somebody is due to get it."""
 
-    def __init__(self, vehicle: Vehicle, service: Service, hub: Hub) -> None:
+    def __init__(self, vehicle: Vehicle, service: Service, hub: Hub, journal: Journal) -> None:
         self._vehicle = vehicle
         self._service = service
         self._hub = hub
+        self._journal = journal
         self._state: State | None = None
         self._refused: str | None = None
         self._plan: Plan | None = None
@@ -92,8 +94,7 @@ class Telemetry:
     def _publish_plan(self, plan: Plan, record: Record) -> None:
         outline = plan.outline(PLAN_POINTS)
         spacing_s = outline[1].time_s - outline[0].time_s if len(outline) > 1 else 0.0
-        self._hub.publish(
-            "plan",
+        self._journal.plan(
             {
                 "time_s": record.now_s,
                 "goal_id": self._vehicle.trajectory.goal_id,
@@ -108,7 +109,7 @@ class Telemetry:
             self._state = supervision.state
             text = REASONS.get(supervision.reason, supervision.reason)
             log.info("state", state=supervision.state.value, reason=supervision.reason)
-            self._hub.event(f"state.{supervision.state.value}", text)
+            self._journal.event(f"state.{supervision.state.value}", text)
         for mode in record.modes:
             log.info("mode_asked", mode=mode.value)
         if record.estimate.refused != self._refused and record.estimate.refused is not None:
@@ -118,7 +119,7 @@ class Telemetry:
             reset = event.reset
             if reset is None:
                 log.warning(event.name, cause=event.cause)
-                self._hub.event(event.name, event.cause or event.name.replace("_", " "))
+                self._journal.event(event.name, event.cause or event.name.replace("_", " "))
                 continue
             kinds = sorted(reset.kinds)
             text = (
@@ -126,7 +127,7 @@ class Telemetry:
                 f"velocity {_m(reset.velocity_ned_m_s)} m/s, heading {degrees(reset.yaw_rad):.1f} deg"
             )
             log.warning(event.name, kinds=kinds, cause=event.cause, text=text)
-            self._hub.event(event.name, text)
+            self._journal.event(event.name, text)
 
 
 def _m(v: Vec3) -> str:

@@ -5,7 +5,6 @@ from time import perf_counter
 
 from daemon import pipeline
 from daemon.autopilot.port import Autopilot
-from daemon.estimation.estimator import EstimatorState
 from daemon.latest import Latest
 from daemon.loops.grid import Grid
 from daemon.messages import ReferenceWindow, VehicleRequest
@@ -47,11 +46,6 @@ class ControlTask:
     def state(self) -> PipelineState:
         """The flow's memory after the newest tick, for the flight record."""
         return self._state
-
-    @property
-    def estimator_state(self) -> EstimatorState:
-        """The estimator's memory, for its counters."""
-        return self._state.estimator
 
     async def run(self) -> None:
         """Tick until cancelled."""

@@ -185,7 +185,7 @@ class TrajectoryTask:
         sample = completed(sample, active.streamed, active.order.limits)
         active.streamed = sample
         flown = record.reference
-        active.plan = follow(flown, sample, goal.timeout_s, active.order.limits, self._parameters().omega_yaw_rad_s)
+        active.plan = follow(flown, sample, goal.timeout_s, active.order.limits, self._parameters())
         self.wake()
 
     def wake(self) -> None:

@@ -10,6 +10,7 @@ from daemon.flight_service import Service
 from daemon.goals.hub import Hub
 from daemon.goals.methods import GoalSubmit
 from daemon.goals.service import Caller
+from daemon.journal import Journal
 from daemon.loops.goal_book import GoalEntry
 from daemon.loops.grid import LoopAlarm
 from daemon.loops.trajectory_task import Progress
@@ -125,7 +126,7 @@ def fly(
         autopilot = _Watched(px4)
         vehicle = Vehicle(load([], config), autopilot, lambda: LoopAlarm(loop))
         hub = Hub()
-        flight = Flight(px4, autopilot, vehicle, Service(vehicle, hub), hub)
+        flight = Flight(px4, autopilot, vehicle, Service(vehicle, hub, Journal(hub, None)), hub)
         autopilot.flight = flight
         vehicle.control.listeners.append(flight.on_tick)
         vehicle.trajectory.listeners.append(flight)
