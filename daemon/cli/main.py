@@ -26,7 +26,9 @@ COMMANDS = {
     "check-config": "daemon_commands",
     "sim": "sim",
     "demo": "demo",
+    "bench": "bench",
     "report": "report",
+    "replay": "replay",
     "bench": "bench",
 }
 HELP = """Flight control for PX4 drones: waypoint goals in, attitude-rate setpoints out."""
