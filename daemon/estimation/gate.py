@@ -19,6 +19,7 @@ class Refusal(IntEnum):
     UNKNOWN_FRAME = 5
     OUT_OF_RANGE = 6
     JUMP_WITHOUT_RESET = 7
+    FROZEN = 8
 
     @property
     def label(self) -> str:
@@ -100,6 +101,17 @@ def read(odometry: Odometry, *, parameters: GateParameters) -> Sample | Refusal:
         rates,
         largest_variance_m2(odometry.position_variance_m2),
         odometry.reset_counter,
+    )
+
+
+def frozen(before: Odometry, after: Odometry) -> bool:
+    """True when a message says that the vehicle moves and repeats every number of the one before."""
+    return (
+        before.attitude_wb == after.attitude_wb
+        and before.position_m == after.position_m
+        and before.rates_frd_rad_s == after.rates_frd_rad_s
+        and before.velocity_m_s == after.velocity_m_s
+        and (any(after.rates_frd_rad_s) or any(after.velocity_m_s))
     )
 
 

@@ -86,6 +86,8 @@ def take(
     sample = gate.read(odometry, parameters=parameters.gate)
     if isinstance(sample, Refusal):
         return _refused(state, odometry, sample, state.clock, state.slide, now_s, parameters)
+    if state.seen is not None and gate.frozen(state.seen, odometry):
+        return _refused(state, odometry, Refusal.FROZEN, state.clock, state.slide, now_s, parameters)
     ticking, verdict = clock.observe(state.clock, sample.stamp_us, sample.arrival_s, parameters=parameters.clock)
     if verdict in _STAMP_REFUSALS:
         return _refused(state, odometry, _STAMP_REFUSALS[verdict], ticking, state.slide, now_s, parameters)

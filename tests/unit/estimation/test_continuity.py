@@ -292,6 +292,22 @@ def test_a_reset_of_the_velocity_fades_in(circle):
     assert max(b - a for a, b in pairwise(late)) < 0.02
 
 
+def test_outliers_and_slides_do_not_disturb_the_fading(circle):
+    after = [
+        moved(m, position=(0.0, 0.05 * min(max(0, i - 20), 3), 0.0), velocity=(1.0, 0.0, 0.0), steps=1)
+        for i, m in enumerate(circle[100:])
+    ]
+    after[10] = moved(after[10], position=(3.0, 0.0, 0.0))
+    estimates = fly(circle[:100] + after)
+    assert estimates[110].refused
+    late = [
+        frames.subtract(e.newest.velocity_ned_m_s, m.velocity_m_s)[0]
+        for e, m in zip(estimates[100:], circle[100:], strict=True)
+        if e.refused is None
+    ]
+    assert max(b - a for a, b in pairwise(late)) < 0.035
+
+
 def test_a_large_reset_of_the_velocity_fades_in_to_its_bound_and_comes_at_once_beyond(circle):
     after = [moved(m, velocity=(0.0, 5.0, 0.0), steps=1) for m in circle[100:]]
     estimates = fly(circle[:100] + after)
@@ -325,6 +341,24 @@ def test_a_reboot_of_the_autopilot_ends_the_old_frame(circle):
     assert [event.name for _, event in events(estimates)] == ["clock_stepped", "reset"]
     assert events(estimates)[1][1].cause == "rebooted"
     assert resets(estimates)[0][1].truth_returned
+
+
+@pytest.mark.parametrize(("silence_s", "counter"), [(3.0, 11), (0.1, 2)], ids=["by its silence", "by its counter"])
+def test_a_reboot_on_the_spot_is_told(message, silence_s, counter):
+    before = [message(60_000_000 + 10_000 * i) for i in range(50)]
+    booted_s = before[-1].arrival_s + silence_s
+    after = [message(1_000_000 + 10_000 * i, arrival_s=booted_s + 0.01 * i, reset_counter=counter) for i in range(20)]
+    estimates = fly(before + after)
+    ((_, reset),) = resets(estimates)
+    assert reset.truth_returned
+    assert [event.cause for _, event in events(estimates)] == ["", "rebooted"]
+
+
+def test_sense_that_comes_back_to_its_place_must_be_confirmed_too(message):
+    samples = [message(1_000_000 + 10_000 * i) for i in range(120)]
+    nonsense = [moved(m, position=(float(5 + i * i), 0.0, 0.0)) for i, m in enumerate(samples[20:90])]
+    estimates = fly(samples[:20] + nonsense + samples[90:])
+    assert [e.refused is None for e in estimates[88:94]] == [False, False, False, False, True, True]
 
 
 @pytest.mark.parametrize("step_us", [60_000_000, -1_000_000, -9_000_000])
