@@ -123,7 +123,7 @@ async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Li
     return EXIT_FAILED if failed else EXIT_OK
 
 
-def _recorder(config: Config) -> Recorder | None:
+def _recorder(config: Config) -> "Recorder | None":
     settings = config.recording
     if not (settings.enabled or settings.live):
         return None
