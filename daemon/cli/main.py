@@ -29,7 +29,6 @@ COMMANDS = {
     "bench": "bench",
     "report": "report",
     "replay": "replay",
-    "bench": "bench",
 }
 HELP = """Flight control for PX4 drones: waypoint goals in, attitude-rate setpoints out."""
 EPILOG = """Examples:
