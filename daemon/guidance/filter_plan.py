@@ -1,18 +1,17 @@
 """The reference filter as it is flown: position and heading, saturated, stepped as far as it is asked for."""
 
 from dataclasses import replace
-from math import floor, hypot, log, sqrt
+from math import floor
 
 from daemon.frames import add, wrap_pi
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters
 from daemon.guidance.plan import Plan
 from daemon.guidance.saturation import Cascade, cascade, step_axis, step_heading, step_plane
+from daemon.guidance.time_to_go import duration_s
 from daemon.messages import WINDOW_SPACING_S, ZERO3, Reference, Vec3
 
 _REST_M = 1e-7  # error, in metres, radians and their rates, below which the filter counts as resting at its goal
-_ARRIVAL_M = 0.05  # distance at which the estimate of the time to go ends
-_SETTLING = 2.4  # time constants by which three equal poles settle later than one
 _OUTLINE_STEPS_1_RAD = 0.1  # the outline's step in units of 1 / omega
 
 Node = tuple[float, ...]  # px py pz vx vy vz ax ay az yaw yaw_rate jx jy jz yaw_acceleration
@@ -57,8 +56,8 @@ class FilterPlan(Plan):
         """When the filter comes within 5 cm of the goal: estimated from its law until it has been stepped to rest."""
         if self._after is None:
             return self.start_s + len(self._nodes) * self._step_s
-        across = _duration_s(self._plane, self._offset()[:2], self._start.velocity_ned_m_s[:2])
-        down = _duration_s(self._vertical, self._offset()[2:], self._start.velocity_ned_m_s[2:])
+        across = duration_s(self._plane, self._offset()[:2], self._start.velocity_ned_m_s[:2])
+        down = duration_s(self._vertical, self._offset()[2:], self._start.velocity_ned_m_s[2:])
         turn = abs(self._goal_yaw - self._start.yaw_rad) / self._limits.yaw_rate_rad_s
         if turn > 0.0:
             turn += 2.0 / self._parameters.omega_yaw_rad_s
@@ -175,35 +174,3 @@ def reference_after(node: Node, dt: float, time_s: float) -> Reference:
     """The reference ``dt`` after a node."""
     px, py, pz, vx, vy, vz, ax, ay, az, yaw, yaw_rate = advance(node, dt)
     return Reference(time_s, (px, py, pz), (vx, vy, vz), (ax, ay, az), node[11:14], wrap_pi(yaw), yaw_rate)  # type: ignore[arg-type]
-
-
-def _duration_s(gains: Cascade, offset_m: tuple[float, ...], velocity_m_s: tuple[float, ...]) -> float:
-    """Time to come within reach of the goal: run up, cruise, brake with constant deceleration, settle."""
-    distance = hypot(*offset_m)
-    if distance < _ARRIVAL_M and hypot(*velocity_m_s) < _ARRIVAL_M:
-        return 0.0
-    top = gains.speed_high_m_s if len(offset_m) == 2 or offset_m[0] >= 0.0 else -gains.speed_low_m_s
-    towards = sum(o * v for o, v in zip(offset_m, velocity_m_s, strict=True)) / max(distance, _ARRIVAL_M)
-    gain, braking, limit = gains.velocity_gain_1_s, gains.braking_m_s2, gains.acceleration_m_s2
-    linear_m = braking / gain**2
-    zeta = 0.5 * (gains.jerk_gain_1_s / gains.acceleration_gain_1_s - 1.0)
-    slowest_1_s = gains.acceleration_gain_1_s * (zeta - sqrt(max(0.0, zeta * zeta - 1.0)))
-
-    def run_up_m(speed: float) -> float:
-        return (speed * speed - towards * abs(towards)) / (2.0 * limit)
-
-    def run_out_m(speed: float) -> float:
-        return speed / gain if speed <= gain * linear_m else speed * speed / (2.0 * braking) + 0.5 * linear_m
-
-    low, high = 0.0, top
-    for _ in range(30):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if run_up_m(middle) + run_out_m(middle) <= distance else (low, middle)
-    speed = max(low, gain * _ARRIVAL_M)
-    settle_from_m = min(run_out_m(speed), linear_m)
-    return (
-        abs(speed - towards) / limit
-        + max(0.0, distance - run_up_m(speed) - run_out_m(speed)) / speed
-        + max(0.0, speed - gain * linear_m) / braking
-        + (log(max(1.0, settle_from_m / _ARRIVAL_M)) + _SETTLING) / slowest_1_s
-    )

@@ -79,7 +79,7 @@ def follow(
         since_s = min(reference.time_s, out_s) - sample.stamp_s
         return wrap_pi(sample.yaw_rad + (sample.yaw_rate_rad_s or 0.0) * since_s)
 
-    return HeadedPlan(path, start, wish, limits, parameters.omega_yaw_rad_s)
+    return HeadedPlan(path, start, wish, limits, parameters.omega_stream_rad_s)
 
 
 class FollowPlan(Plan):
@@ -90,7 +90,8 @@ class FollowPlan(Plan):
     ) -> None:
         self.start_s = start.time_s
         self._end_s = end_s
-        plane, vertical = cascades(limits, parameters, WINDOW_SPACING_S)
+        quick = replace(parameters, omega_rad_s=parameters.omega_stream_rad_s)
+        plane, vertical = cascades(limits, quick, WINDOW_SPACING_S)
         state: Node = (
             *start.position_ned_m,
             *start.velocity_ned_m_s,

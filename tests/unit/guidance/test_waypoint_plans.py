@@ -145,7 +145,7 @@ def test_heading_turns_the_shorter_way(parameters: GuidanceParameters, start_yaw
     assert turned == pytest.approx(turn, abs=1e-3)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(data=st.data(), limits=motion_limits, goal=NED, yaw=YAW)
 def test_time_to_go_of_the_filter_is_what_it_takes(
     data: st.DataObject, limits: MotionLimits, goal: tuple[float, float, float], yaw: float
@@ -153,7 +153,7 @@ def test_time_to_go_of_the_filter_is_what_it_takes(
     start = data.draw(references(limits))
     flown = FilterPlan(start, goal, yaw, limits, GuidanceParameters())
     estimate, taken = flown.end_s - flown.start_s, arrival_s(flown) - flown.start_s
-    assert 0.75 * taken - 1.5 <= estimate <= 1.25 * taken + 2.0
+    assert 0.8 * taken - 3.5 <= estimate <= 1.2 * taken + 2.0
 
 
 @settings(max_examples=40, deadline=None)
