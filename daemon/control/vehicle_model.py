@@ -7,10 +7,11 @@ from daemon.control import hover_thrust, observer, thrust_map
 from daemon.control.flatness import rotor_drag
 from daemon.control.observer import START, Observer
 from daemon.control.parameters import ControlParameters
-from daemon.frames import add, clamp, down_axis, normalized, rotate_about_down, scale, tilt_of
+from daemon.frames import add, clamp, down_axis, norm, normalized, rotate_about_down, scale, tilt_of
 from daemon.messages import ZERO3, EstimatedState, Quat, Reset, Vec3
 
 _MEMORY_S = 0.5  # commands that acted longer ago than this are forgotten
+_AT_REST_M_S = 0.5  # below it a vehicle that we take over is believed to hover
 _HOVER_RANGE = (0.02, 0.98)  # hover thrust of any vehicle that flies
 
 
@@ -49,7 +50,8 @@ def commanded(model: VehicleModel, acts_s: float, thrust: float) -> VehicleModel
 def observed(model: VehicleModel, estimate: EstimatedState, p: ControlParameters) -> VehicleModel:
     """The model after a sound sample of the state; one that is not newer changes nothing.
 
-    The thrust that acts is the command after the vehicle's delay and lag, limits included: nothing winds up.
+    The thrust that acts is the command after the vehicle's delay and lag, limits included: nothing winds up. At the
+    first sample a vehicle at rest is taken to lean against the wind, so that it is taken over as it is.
     """
     time_s, dt_s = estimate.time_s, estimate.time_s - model.by_velocity.time_s
     if not dt_s > 0.0:
@@ -74,6 +76,9 @@ def observed(model: VehicleModel, estimate: EstimatedState, p: ControlParameters
         bandwidth_rad_s=p.disturbance_bandwidth_rad_s,
         maximum=p.disturbance_max_m_s2,
     )
+    if model.thrust is None and p.disturbance_bandwidth_rad_s > 0.0 and norm(velocity_ned_m_s) < _AT_REST_M_S:
+        leaning = (-modelled[0], -modelled[1], 0.0)
+        by_velocity = replace(by_velocity, unexplained=observer.bounded(leaning, p.disturbance_max_m_s2))
     hover = model.hover_thrust
     if dt_s <= observer.STEP_MAX_S and tilt_of(attitude_wb) < p.hover_tilt_max_rad:
         hover, by_velocity = _with_hover_learned(hover, by_velocity, dt_s, p)

@@ -1,7 +1,7 @@
 """The law around the simulated PX4 vehicle: each test is a sentence with a bound."""
 
 from dataclasses import replace
-from math import cos, pi, radians, sin
+from math import atan2, cos, pi, radians, sin
 
 import pytest
 
@@ -66,6 +66,12 @@ def test_wind_step_without_knowing_the_drag() -> None:
     samples = Flight(reference_at=hover, parameters=parameters, wind_at=gust).fly(14.0)
     assert max(s.error_m for s in samples) < 0.5
     assert max(s.error_m for s in samples if s.time_s > 10.0) < 0.05
+
+
+def test_vehicle_that_leans_against_the_wind_is_taken_over_as_it_is() -> None:
+    leaning = frames.from_rpy(0.0, atan2(5.0, 9.81), 0.0)  # 5 m/s from the south: nose up, thrust to the south
+    flight = Flight(reference_at=hover, parameters=DEFAULT, wind_at=lambda _: (5.0, 0.0, 0.0), start_wb=leaning)
+    assert max(s.error_m for s in flight.fly(6.0)) < 0.1
 
 
 @pytest.mark.parametrize("factor", [0.75, 1.25])

@@ -13,7 +13,7 @@ from daemon.control import controller
 from daemon.control.parameters import ControlParameters
 from daemon.estimation import predictor
 from daemon.estimation.predictor import PredictorParameters, SentRates
-from daemon.messages import ZERO3, EstimatedState, Reference, Setpoint, Vec3
+from daemon.messages import ZERO3, EstimatedState, Quat, Reference, Setpoint, Vec3
 from daemon.sim import vehicle
 from daemon.sim.airframe_files import load
 from daemon.sim.rate_control import RateLoop
@@ -85,12 +85,14 @@ class Flight:
     uplink_steps: int = 1
     predicted: bool = True
     switched: tuple[float, ControlParameters] | None = None
+    start_wb: Quat | None = None
     samples: list[Sample] = field(default_factory=list)
 
     def fly(self, duration_s: float) -> list[Sample]:
         """One sample a control tick."""
         start = self.reference_at(0.0)
-        attitude_wb, signals = frames.from_yaw(start.yaw_rad), (SIH.hover_thrust,) * 4
+        attitude_wb = self.start_wb or frames.from_yaw(start.yaw_rad)
+        signals = (SIH.hover_thrust / frames.down_axis(attitude_wb)[2],) * 4
         truth = VehicleState(start.position_ned_m, start.velocity_ned_m_s, attitude_wb, ZERO3, signals, on_ground=False)
         loop, law = RateLoop(SIH, 0.0), _Law(self)
         downlink: deque[tuple[int, VehicleState, EstimatedState]] = deque()
