@@ -1,14 +1,11 @@
 """The record's topics as they happen, over the Foxglove WebSocket on loopback; fed by the recorder's thread."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import foxglove
 from foxglove.websocket import WebSocketServer
 
 from daemon import logs
 from daemon.recording import narrator
-from daemon.recording.topics import Step, Topics
+from daemon.recording.topics import Note, Step, Topics
 
 HOST = "127.0.0.1"
 
@@ -45,10 +42,10 @@ class Live:
         for event in events:
             self._topics.event(event)
 
-    def note(self, kind: str, time_s: float, payload: Mapping[str, Any]) -> None:
+    def note(self, note: Note) -> None:
         """Publish an event, a goal or a plan."""
         if self._server is not None:
-            self._topics.note(kind, time_s, payload)
+            self._topics.note(note)
 
     def close(self) -> None:
         """Stop the server."""

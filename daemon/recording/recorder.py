@@ -21,7 +21,7 @@ from typing import Any
 
 from daemon.pipeline import Inputs, PipelineState, Record
 from daemon.recording.live import Live
-from daemon.recording.topics import Step
+from daemon.recording.topics import Note, Step
 from daemon.recording.writer import RecordWriter
 
 BACKLOG = 1000  # entries between loop and writer; ten seconds of a disk that hangs
@@ -59,15 +59,6 @@ class RecordingReport:
     failures: int
     flight: str | None
     file: Path | None
-
-
-@dataclass(frozen=True, slots=True)
-class Note:
-    """Something besides ticks: which method of ``Topics`` writes it."""
-
-    kind: str
-    time_s: float
-    payload: Mapping[str, Any]
 
 
 class Recorder:
@@ -172,5 +163,5 @@ class Recorder:
                 if isinstance(entry, Step):
                     side.tick(entry)
                 else:
-                    side.note(entry.kind, entry.time_s, entry.payload)
+                    side.note(entry)
         self._writer.flush_if_due()

@@ -38,6 +38,15 @@ class Step:
     record: Record
 
 
+@dataclass(frozen=True, slots=True)
+class Note:
+    """Something besides ticks: an ``event``, a ``goal`` or a ``plan``, with the time as part of the payload."""
+
+    kind: str
+    time_s: float
+    payload: Mapping[str, Any]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Start:
     """From where a replay can begin: the flow's memory and the inputs that were held then."""
@@ -166,21 +175,16 @@ class Topics:
         self._event.log(dict(payload), log_time=ns)
         self._scene.tell(str(payload["code"]), str(payload["text"]), ns)
 
-    def note(self, kind: str, time_s: float, payload: Mapping[str, Any]) -> None:
+    def note(self, note: Note) -> None:
         """An event, a goal or a plan, by its kind."""
-        if kind == "goal":
-            self.goal(time_s, payload)
-        elif kind == "plan":
-            self.plan(payload)
+        if note.kind == "goal":
+            self._goal.log(dict(note.payload), log_time=self.stamp_ns(note.time_s))
+        elif note.kind == "plan":
+            self._planned(note.payload)
         else:
-            self.event(payload)
+            self.event(note.payload)
 
-    def goal(self, time_s: float, payload: Mapping[str, Any]) -> None:
-        """A goal that was submitted, updated, or ended: ``what``, ``goal_id`` and the protocol's own keys."""
-        self._goal.log({"time_s": time_s, **payload}, log_time=self.stamp_ns(time_s))
-
-    def plan(self, payload: Mapping[str, Any]) -> None:
-        """A planned path as the protocol's ``telemetry.plan`` has it."""
+    def _planned(self, payload: Mapping[str, Any]) -> None:
         ns = self.stamp_ns(payload["time_s"])
         self._plan.log(dict(payload), log_time=ns)
         self._scene.plan([tuple(p) for p in payload["positions_ned_m"]], ns)

@@ -12,7 +12,7 @@ from foxglove.mcap import MCAPCompression, MCAPWriteOptions, MCAPWriter
 
 from daemon import logs
 from daemon.recording import files, narrator
-from daemon.recording.topics import Step, Topics
+from daemon.recording.topics import Note, Step, Topics
 
 if TYPE_CHECKING:
     from daemon.recording.recorder import RecordingSettings
@@ -36,7 +36,7 @@ class RecordWriter:
         self._about = about
         self._context = foxglove.Context()
         self._topics = Topics(self._context, wall_s, settings.path_poses)
-        self._before: deque[Step] = deque(maxlen=max(1, round(settings.before_s / settings.period_s)))
+        self._before: deque[Step | Note] = deque(maxlen=max(1, round(settings.before_s / settings.period_s)))
         self._told = narrator.Told()
         self._sink: MCAPWriter | None = None
         self._stream: BinaryIO | None = None
@@ -59,22 +59,28 @@ class RecordWriter:
             self._before.append(step)
             return
         while self._before:
-            self._write(self._before.popleft())
+            kept = self._before.popleft()
+            if isinstance(kept, Step):
+                self._write(kept)
+            else:
+                self.note(kept)
         self._write(step)
         if not wanted:
             self.close()
 
-    def note(self, kind: str, time_s: float, payload: Mapping[str, Any]) -> None:
-        """Write an event, a goal or a plan while a file is open."""
-        if self._sink is not None:
-            self._guarded(lambda: self._topics.note(kind, time_s, payload))
+    def note(self, note: Note) -> None:
+        """Write an event, a goal or a plan, or keep it like a tick."""
+        if self._sink is None:
+            self._before.append(note)
+        else:
+            self._guarded(lambda: self._topics.note(note))
 
     def gap(self, dropped: int, now_s: float) -> None:
         """Entries were lost before the next one: say so, and let a replay begin anew after it."""
         self._begun = False
         self._before.clear()
         text = f"{dropped} entries of the record were dropped: the disk is slow"
-        self.note("event", now_s, {"time_s": now_s, "code": "record_gap", "text": text, "goal_id": None})
+        self.note(Note("event", now_s, {"time_s": now_s, "code": "record_gap", "text": text, "goal_id": None}))
         log.warning("record_gap", dropped=dropped)
 
     def flush_if_due(self) -> None:

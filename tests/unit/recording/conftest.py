@@ -1,8 +1,10 @@
 """Short made-up flights through the real pipeline, for the tests of the record."""
 
 from collections.abc import Callable
+from functools import partial
 from math import cos, sin
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -110,31 +112,41 @@ def fly() -> Callable[..., None]:
     return flight
 
 
+def recorded(
+    directory: Path,
+    ticks: int,
+    *,
+    notes: Callable[[Recorder], None] | None = None,
+    armed: Callable[[int], bool] = lambda tick: True,
+    **settings: Any,
+) -> list[Path]:
+    """Fly into a recorder with these settings; returns the files."""
+    made = Recorder(
+        RecordingSettings(directory=directory, **{"when": "always", **settings}),
+        {"version": "1", "config_hash": "abc"},
+        clock=lambda: START_S + 1.0,
+        wall=lambda: 1_800_000_000.0,
+    )
+    made.start()
+
+    def tick(state: PipelineState, inputs: Inputs, record: Record) -> None:
+        while len(made._entries) > 500:  # a test flies faster than the disk writes
+            made._wake.wait(0.001)
+        made.tick(state, inputs, record)
+
+    flight(ticks, tick, armed=armed)
+    if notes:
+        notes(made)
+    made.close()
+    assert made.report.dropped == 0
+    return sorted(directory.glob("*.mcap"))
+
+
 @pytest.fixture
 def record(tmp_path: Path) -> Callable[..., list[Path]]:
-    """Fly into a recorder with these settings; returns the files."""
+    return partial(recorded, tmp_path)
 
-    def run(
-        ticks: int, *, notes: Callable[[Recorder], None] | None = None, armed: object = None, **settings: object
-    ) -> list[Path]:
-        made = Recorder(
-            RecordingSettings(directory=tmp_path, **{"when": "always", **settings}),
-            {"version": "1", "config_hash": "abc"},
-            clock=lambda: START_S + 1.0,
-            wall=lambda: 1_800_000_000.0,
-        )
-        made.start()
 
-        def tick(*step: object) -> None:
-            while len(made._entries) > 500:  # a test flies faster than the disk writes
-                made._wake.wait(0.001)
-            made.tick(*step)
-
-        flight(ticks, tick, **({"armed": armed} if armed else {}))
-        if notes:
-            notes(made)
-        made.close()
-        assert made.report.dropped == 0
-        return sorted(tmp_path.glob("*.mcap"))
-
-    return run
+@pytest.fixture(scope="session")
+def record_into() -> Callable[..., list[Path]]:
+    return recorded

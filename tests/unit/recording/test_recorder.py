@@ -205,3 +205,23 @@ def test_a_file_that_is_no_record_is_refused_in_words(tmp_path: Path) -> None:
         flight.load([file])
     with pytest.raises(RecordError, match="No such file"):
         flight.load([tmp_path / "none.mcap"])
+
+
+def test_what_happened_just_before_a_flight_is_in_its_record(tmp_path: Path, fly: Callable[..., None]) -> None:
+    made = writer.RecordWriter(RecordingSettings(directory=tmp_path, before_s=1.0), {}, 0.0)
+    ticks = 0
+
+    def tick(*step: Any) -> None:
+        nonlocal ticks
+        ticks += 1
+        if ticks in (50, 250):
+            event = {"time_s": step[2].now_s, "code": f"at_{ticks}", "text": "", "goal_id": None}
+            made.note(writer.Note("event", step[2].now_s, event))
+        made.tick(writer.Step(*step))
+
+    fly(400, tick, armed=lambda tick: tick > 300)
+    made.close()
+    (file,) = tmp_path.glob("*.mcap")
+    codes = [event["code"] for event in flight.load([file]).events]
+    assert "at_250" in codes
+    assert "at_50" not in codes
