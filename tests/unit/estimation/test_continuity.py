@@ -87,6 +87,19 @@ def test_each_kind_and_combination_is_told_by_its_deltas(circle, jump, kinds):
     )
 
 
+def test_numbers_that_stand_still_under_new_stamps_are_refused_until_they_move_again(circle):
+    stuck = [replace(circle[100], stamp_us=m.stamp_us, arrival_s=m.arrival_s) for m in circle[101:150]]
+    estimates = fly(circle[:101] + stuck + circle[150:])
+    assert [e.refused for e in estimates[101:150]] == ["frozen"] * 49
+    assert estimates[149].age_s > 0.48
+    assert estimates[-1].refused is None
+
+
+def test_a_vehicle_at_rest_may_repeat_itself(message):
+    still = [message(1_000_000 + 10_000 * i) for i in range(50)]
+    assert {e.refused for e in fly(still)} == {None}
+
+
 def test_the_counter_wraps(circle):
     before = [replace(m, reset_counter=255) for m in circle[:100]]
     after = [moved(replace(m, reset_counter=255), position=(3.0, 0.0, 0.0), steps=2) for m in circle[100:]]
