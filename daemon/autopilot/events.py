@@ -70,6 +70,7 @@ _NAVIGATION_STATE = {
     FlightMode.PRECISION_LAND: 20,
     FlightMode.ORBIT: 21,
 }
+_DISARMED = 32794487
 _NOTICES = {
     16962474: "return: land at destination",
     17738815: "pilot took over using sticks",
@@ -87,7 +88,7 @@ _NOTICES = {
     28993875: "low battery level, return advised",
     31476391: "GNSS data fusion stopped",
     32069699: "GNSS data fusion started",
-    32794487: "disarmed",
+    _DISARMED: "disarmed",
     FAILSAFE_ENTER: "failsafe activated",
     FAILSAFE_ENTER_HOLD: "failsafe activated, first holding",
     FAILSAFE_ENTER_GENERIC: "failsafe activated",
@@ -119,6 +120,7 @@ class Event:
     checks_begin: bool = False
     mode: FlightMode | None = None
     intended_mode: FlightMode | None = None
+    disarmed: bool = False
 
 
 def decode(fields: dict[str, Any]) -> Event:
@@ -127,7 +129,7 @@ def decode(fields: dict[str, Any]) -> Event:
     if event_id in _REFUSALS:
         return Event(_REFUSALS[event_id], refusal=True)
     if event_id not in _CHECKS and event_id not in _FAILSAFES:
-        return Event(_NOTICES.get(event_id), checks_begin=event_id == _CHECKS_BEGIN)
+        return Event(_NOTICES.get(event_id), checks_begin=event_id == _CHECKS_BEGIN, disarmed=event_id == _DISARMED)
     raw = fields["arguments"]
     arguments = (bytes.fromhex(raw) if isinstance(raw, str) else bytes(raw)).ljust(5, b"\0")
     # First argument, uint32 little-endian: the states forbidden, or the intended custom_mode; then, uint8, the action.

@@ -172,9 +172,12 @@ class Px4Session:
         return said
 
     def mode_message(self, mode: FlightMode) -> Message | None:
-        """The message that asks for a mode; None when not connected or when PX4 has no word for it. Any thread."""
+        """The message that asks for a mode; None before the first HEARTBEAT or when PX4 has no word for it. Any thread.
+
+        A lost link does not hinder: the autopilot may still hear what we do not hear answered.
+        """
         status = self.status.value
-        if not status.connected or not is_requestable(mode):
+        if status.heartbeat_s == -inf or not is_requestable(mode):
             return None
         return set_mode(mode, armed=status.armed)
 
@@ -257,6 +260,8 @@ class Px4Session:
             self._events.append(event.text)
         if event.mode is not None:
             self._update(mode=event.mode, intended_mode=event.intended_mode)
+        if event.disarmed:
+            self._update(armed=False)
         if event.refusal and self._refused is not None and now_s - self._refused[2] <= _REASON_UPDATE_S:
             self._publish_refusal(now_s)
 

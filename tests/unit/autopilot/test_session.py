@@ -383,3 +383,18 @@ def test_a_stamp_that_stands_still_passes_on_for_others_to_judge(session: Px4Ses
     for _ in range(3):
         session.receive("ODOMETRY", odometry(60_000_000), 0.1)
     assert session.odometry.version == 3
+
+
+def test_a_mode_can_be_asked_for_while_nothing_is_heard_but_not_before_the_vehicle_is_known(session: Px4Session) -> None:
+    assert Px4Session().mode_message(FlightMode.HOLD) is None
+    session.poll(10.0)
+    assert not session.status.value.connected
+    message = session.mode_message(FlightMode.HOLD)
+    assert message is not None
+    assert message[1]["param1"] == 129.0
+
+
+def test_the_event_of_a_disarming_shows_before_the_next_heartbeat(session: Px4Session) -> None:
+    assert session.status.value.armed
+    session.receive("EVENT", {"id": 32794487, "arguments": "04"}, 0.2)
+    assert not session.status.value.armed
