@@ -129,7 +129,7 @@ def step(
         estimate.newest, act_s, state.acceleration_ned_m_s2, state.sent, parameters=parameters.predictor
     )
     state = _with_supervision(state, supervision, inputs.window, predicted, estimate.shift, act_s, parameters)
-    state, setpoint, control = _command(state, how, estimate.newest, predicted, dt_s, parameters.control)
+    state, setpoint, control = _command(state, how, estimate.newest, predicted, act_s, dt_s, parameters.control)
     sent = (
         ()
         if setpoint is None
@@ -234,15 +234,19 @@ def _command(
     how: Drive,
     newest: EstimatedState | None,
     predicted: EstimatedState | None,
+    act_s: float,
     dt_s: float,
     parameters: ControlParameters,
 ) -> tuple[PipelineState, Setpoint | None, ControlRecord | None]:
     if how is Drive.SILENT:
         return state, None, None
     if newest is None or predicted is None:
-        return state, Setpoint(ZERO3, state.control.model.hover_thrust), None
+        return state, controller.blind(state.control, parameters=parameters), None
     if how is Drive.MATCH:
         return state, controller.match(state.control, newest, parameters=parameters), None
+    if how is Drive.LEVEL and predicted.time_s < act_s - 1e-6:
+        # Nothing is known of now: levelling a prediction that stands still would keep turning.
+        return state, controller.blind(state.control, parameters=parameters), None
     if how is Drive.LEVEL or state.flown is None:
         return state, controller.level(state.control, predicted, parameters=parameters), None
     control, setpoint, record = controller.step(
