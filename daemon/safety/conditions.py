@@ -65,6 +65,7 @@ class Conditions:
     in_flight: bool = False
     landed: bool = False
     in_air: bool = False
+    terminated: bool = False
     failsafe: bool = False
     offboard: bool = False
     hold: bool = False
@@ -138,6 +139,7 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds) -> tupl
         in_flight=in_flight,
         landed=status.landed is LandedState.ON_GROUND,
         in_air=status.armed and status.landed is LandedState.IN_AIR,
+        terminated=status.system_status >= SystemStatus.FLIGHT_TERMINATION,
         failsafe=mode is not FlightMode.OFFBOARD and (critical or differs),
         offboard=mode is FlightMode.OFFBOARD,
         hold=hold,

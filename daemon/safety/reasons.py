@@ -9,6 +9,7 @@ REASONS = {
     "autopilot_rebooted": "the autopilot has restarted",
     "control_stalled": "the control task fell silent; the vehicle was handed over, engage it to take it again",
     "disarmed": "the vehicle is disarmed",
+    "terminated": "the motors were stopped by a kill switch or by flight termination",
     "autopilot_failsafe": "a failsafe of the autopilot took the vehicle",
     "pilot_override": "somebody else changed the mode",
     "requested": "as requested",

@@ -1,9 +1,9 @@
 """Runs the supervisor's table each tick: requests, time limits, and the mode commands that follow; pure.
 
 Engage: setpoints that match the vehicle for ``match_s``, then OFFBOARD is asked for, again after each refusal, until
-``engage_s``. Release: setpoints go on while Hold (or Land, Return) is asked for; refused or not confirmed after
-``confirm_s`` it is Land; that too: level for ``level_s``, then silence, so that the autopilot's own failsafe starts
-from level.
+``engage_s``. Release: setpoints go on while Hold (or Land, Return) is asked for, again every ``repeat_s`` for a message
+may be lost; refused or not confirmed after ``confirm_s`` it is Land; that too: level for ``level_s``, then silence, so
+that the autopilot's own failsafe starts from level.
 """
 
 from dataclasses import dataclass, field, replace
@@ -23,6 +23,7 @@ class Timing:
     engage_s: float = 2.0
     retry_s: float = 0.2
     confirm_s: float = 0.3
+    repeat_s: float = 0.1
     level_s: float = 0.2
     request_s: float = 3.0
 
@@ -52,6 +53,7 @@ class Supervision:
     asks: int = 0
     left: str = ""
     lost_while_ours: bool = False
+    landing_asked: bool = False
     memory: Memory = field(default_factory=Memory)
 
 
@@ -76,7 +78,7 @@ def step(
         supervision, modes = _ask_without_flying(supervision, fresh, now_s)
     row = next_row(supervision.state, conditions)
     if row is not None:
-        supervision, more = _enter(supervision, row.to, row.reason, fresh, now_s)
+        supervision, more = _enter(supervision, row.to, row.reason, fresh, facts.status, now_s)
         return supervision, conditions, modes + more
     supervision, more = _continue(supervision, facts.status, now_s, timing)
     return supervision, conditions, modes + more
@@ -144,12 +146,18 @@ def _ask_without_flying(
 
 
 def _enter(
-    supervision: Supervision, state: State, reason: str, fresh: VehicleRequest | None, now_s: float
+    supervision: Supervision,
+    state: State,
+    reason: str,
+    fresh: VehicleRequest | None,
+    status: AutopilotStatus,
+    now_s: float,
 ) -> tuple[Supervision, tuple[FlightMode, ...]]:
     was_ours = supervision.state in OURS
     if supervision.state in FLYING and state not in FLYING:
         supervision = replace(supervision, left=reason)
     supervision = replace(supervision, state=state, since_s=now_s, reason=reason, asked_mode=None, asked_s=-inf, asks=0)
+    supervision = replace(supervision, landing_asked=False)
     if state is State.RELEASING:
         mode = _MODE_OF[fresh.kind] if fresh is not None and fresh.kind in _MODE_OF else FlightMode.HOLD
         return replace(supervision, asked_mode=mode, asked_s=now_s, asks=1), (mode,)
@@ -161,7 +169,8 @@ def _enter(
         return replace(supervision, lost_while_ours=True), (FlightMode.HOLD,)
     if supervision.lost_while_ours and state is not State.DISCONNECTED:
         supervision = replace(supervision, lost_while_ours=False)
-        if state is State.PILOT:
+        if state is State.PILOT and status.mode is FlightMode.OFFBOARD:
+            # The autopilot still waits for us; what it, or a pilot, does meanwhile stays as it is.
             return replace(supervision, asked_mode=FlightMode.HOLD, asked_s=now_s), (FlightMode.HOLD,)
     return supervision, ()
 
@@ -176,8 +185,11 @@ def _continue(
         due = supervision.asks == 0 or (refused and now_s - supervision.asked_s >= timing.retry_s)
         if elapsed >= timing.match_s and due:
             return _ask(supervision, FlightMode.OFFBOARD, now_s)
-    if supervision.state is State.RELEASING and supervision.asks == 1 and (refused or elapsed > timing.confirm_s):
-        return _ask(supervision, FlightMode.LAND, now_s)
+    if supervision.state is State.RELEASING:
+        if not supervision.landing_asked and (refused or elapsed > timing.confirm_s):
+            return _ask(replace(supervision, landing_asked=True), FlightMode.LAND, now_s)
+        if supervision.asked_mode is not None and not refused and now_s - supervision.asked_s >= timing.repeat_s:
+            return _ask(supervision, supervision.asked_mode, now_s)
     return supervision, ()
 
 

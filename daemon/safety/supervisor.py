@@ -54,6 +54,7 @@ TABLE: tuple[Row, ...] = (
     Row(frozenset({_S.DISCONNECTED}), ("link",), _S.STANDBY, "connected"),
     # The vehicle is no longer ours, whatever we are doing: silent at once.
     Row(OURS, ("!armed",), _S.STANDBY, "disarmed"),
+    Row(OURS, ("terminated",), _S.FAULT, "terminated"),
     Row(OURS, ("failsafe",), _S.FAULT, "autopilot_failsafe"),
     Row(FLYING, ("!offboard",), _S.PILOT, "pilot_override"),
     Row(frozenset({_S.ENGAGING}), ("!offboard", "!hold"), _S.PILOT, "pilot_override"),

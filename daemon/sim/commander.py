@@ -106,6 +106,8 @@ class Commander:
     @property
     def status(self) -> SystemStatus:
         """HEARTBEAT.system_status; UNINIT when this mode cannot be armed."""
+        if self.killed:
+            return SystemStatus.FLIGHT_TERMINATION
         if self.armed:
             return SystemStatus.CRITICAL if self.action.mode is not None else SystemStatus.ACTIVE
         return SystemStatus.STANDBY if self.can_arm else SystemStatus.UNINIT
@@ -386,7 +388,7 @@ class Commander:
         )
 
     def _do_set_mode(self, p: tuple[float, ...]) -> int:
-        mode = from_numbers(_integer(p[1]), _integer(p[2]))
+        mode = from_numbers(integer(p[1]), integer(p[2]))
         if mode is None:
             self._announcer.say("unsupported_main_mode")
             return TEMPORARILY_REJECTED
@@ -400,7 +402,7 @@ class Commander:
     def _do_arm(self, p: tuple[float, ...]) -> int:
         if p[0] == 1.0:
             return ACCEPTED if self.arm() else TEMPORARILY_REJECTED
-        if self.armed and not self.detector.landed and _integer(p[1]) != _FORCE and self.mode not in MANUAL_MODES:
+        if self.armed and not self.detector.landed and integer(p[1]) != _FORCE and self.mode not in MANUAL_MODES:
             return TEMPORARILY_REJECTED
         self.disarm()
         return ACCEPTED
@@ -428,7 +430,8 @@ class Commander:
         return ACCEPTED
 
 
-def _integer(value: float) -> int:
+def integer(value: float) -> int:
+    """A command's parameter as a number of something; 0 where it is not one."""
     return int(value) if isfinite(value) else 0
 
 
