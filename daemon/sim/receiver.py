@@ -1,11 +1,11 @@
 """PX4's MAVLink receiver: what comes in, and the answers that need no commander."""
 
-from math import inf, nan
+from math import inf, isfinite, nan
 from typing import TYPE_CHECKING
 
 from daemon.frames import add
 from daemon.messages import GlobalPosition, Quat, Setpoint
-from daemon.sim.commander import ACCEPTED, DENIED, FAILED, TEMPORARILY_REJECTED, Command
+from daemon.sim.commander import ACCEPTED, DENIED, FAILED, TEMPORARILY_REJECTED, Command, integer
 from daemon.sim.estimator import Estimate
 from daemon.sim.flight_tasks import Sticks
 from daemon.sim.parameters import DOES_NOT_EXIST
@@ -129,16 +129,17 @@ class Receiver:
         commander.commands.append(command)
 
     def _set_interval(self, p: tuple[float, ...]) -> int:
-        return ACCEPTED if self._px4.streams.set_interval(int(p[0]), p[1]) else FAILED
+        interval_us = p[1] if isfinite(p[1]) else 0.0
+        return ACCEPTED if self._px4.streams.set_interval(integer(p[0]), interval_us) else FAILED
 
     def _get_interval(self, p: tuple[float, ...]) -> int:
-        identifier = int(p[0])
+        identifier = integer(p[0])
         fields = {"message_id": identifier, "interval_us": self._px4.streams.interval(identifier)}
         self._px4.send("MESSAGE_INTERVAL", fields)
         return ACCEPTED
 
     def _request_message(self, p: tuple[float, ...]) -> int:
-        identifier, px4 = int(p[0]), self._px4
+        identifier, px4 = integer(p[0]), self._px4
         if identifier == _VERSION_ID:
             px4.send("AUTOPILOT_VERSION", {**_VERSION, "uid": 5283920058631409231 + px4.system_id - 1})
         elif identifier in TABLE:
@@ -183,7 +184,8 @@ class Receiver:
         if name not in px4.parameters:
             self._param_error(name, sender)
             return
-        px4.parameters.set(name, f["param_value"])
+        if isfinite(f["param_value"]):
+            px4.parameters.set(name, f["param_value"])
         px4.send("PARAM_VALUE", px4.parameters.message(name))
         self._echo.append((px4.simulated_us + 20_000, name))
 

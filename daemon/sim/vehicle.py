@@ -8,7 +8,7 @@ exponential for the attitude and for the motors' first-order lag.
 from dataclasses import dataclass
 from math import exp, isfinite
 
-from daemon.frames import integrate
+from daemon.frames import integrate, rotate_inverse, subtract
 from daemon.messages import IDENTITY, ZERO3, Quat, Vec3
 from daemon.sim.airframe import Airframe
 
@@ -49,8 +49,10 @@ def step(
     middle = [t + (s - t) * half_rest for s, t in zip(state.signals, targets, strict=True)]
     signals = tuple([t + (s - t) * half_rest * half_rest for s, t in zip(state.signals, targets, strict=True)])
     thrust_n, torque_nm, speed_sum = _rotor_wrench(middle, airframe, surroundings)
+    if airframe.rotor_drag_n_s_m != ZERO3:
+        torque_nm = _add_scaled(torque_nm, _hub_drag_torque(state, middle, airframe, surroundings), 1.0)
     rates_middle, rates = _turn(state.rates_frd_rad_s, torque_nm, airframe, dt_s)
-    attitude_middle = integrate(state.attitude_wb, state.rates_frd_rad_s, 0.5 * dt_s)
+    attitude_middle = _turned_a_little(state.attitude_wb, state.rates_frd_rad_s, 0.5 * dt_s)
 
     velocity = state.velocity_ned_m_s
     h = 0.5 * dt_s
@@ -100,10 +102,38 @@ def _rotor_wrench(signals: list[float], airframe: Airframe, surroundings: Surrou
     return thrust_n, (roll, pitch, yaw), sum(signals)
 
 
+def _hub_drag_torque(state: VehicleState, signals: list[float], airframe: Airframe, surroundings: Surroundings) -> Vec3:
+    """Torque (FRD, Nm) of the rotors' drag, each with the air speed of its own hub."""
+    ux, uy, uz = rotate_inverse(state.attitude_wb, subtract(state.velocity_ned_m_s, surroundings.wind_ned_m_s))
+    p, q, r = state.rates_frd_rad_s
+    hx, hy, hz = airframe.rotor_drag_n_s_m
+    roll = pitch = yaw = 0.0
+    for rotor, signal in zip(airframe.rotors, signals, strict=True):
+        x, y = rotor.x_m, rotor.y_m
+        down = -signal * hz * (uz + p * y - q * x)
+        roll += y * down
+        pitch -= x * down
+        yaw -= signal * (x * hy * (uy + r * x) - y * hx * (ux - r * y))
+    return (roll, pitch, yaw)
+
+
 def _turn(rates: Vec3, torque_nm: Vec3, airframe: Airframe, dt_s: float) -> tuple[Vec3, Vec3]:
     """Body rates in the middle and at the end of the step, by Euler's equation."""
     half = _add_scaled(rates, _angular_acceleration(rates, torque_nm, airframe), 0.5 * dt_s)
     return half, _add_scaled(rates, _angular_acceleration(half, torque_nm, airframe), dt_s)
+
+
+def _turned_a_little(q: Quat, rates: Vec3, dt_s: float) -> Quat:
+    """Attitude after a small angle, to second order: a third of the price of the exponential."""
+    w, x, y, z = q
+    a, b, c = 0.5 * dt_s * rates[0], 0.5 * dt_s * rates[1], 0.5 * dt_s * rates[2]
+    one = 1.0 - 0.5 * (a * a + b * b + c * c)
+    return (
+        one * w - x * a - y * b - z * c,
+        one * x + w * a + y * c - z * b,
+        one * y + w * b - x * c + z * a,
+        one * z + w * c + x * b - y * a,
+    )
 
 
 def _angular_acceleration(rates: Vec3, torque_nm: Vec3, airframe: Airframe) -> Vec3:
