@@ -9,7 +9,7 @@ from daemon.cli.common import MINUS as HIDDEN_MINUS
 from daemon.cli.common import JsonOption, NumbersCommand, SocketOption, examples, run, say, say_json
 from daemon.goals.results import Setting, SettingValue
 
-PathArgument = Annotated[str, typer.Argument(metavar="PATH", help="Dotted path, such as limits.speed_m_s.")]
+PathArgument = Annotated[str, typer.Argument(metavar="PATH", help="Dotted path, such as guidance.limits.speed_m_s.")]
 
 
 def get(path: PathArgument, as_json: JsonOption = False, socket: SocketOption = None) -> None:
@@ -57,6 +57,6 @@ def _bound(value: float | None) -> str:
 def register(app: typer.Typer) -> None:
     """Add the commands."""
     settings = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Read and change settings.")
-    settings.command(epilog=examples("flightd config get limits.speed_m_s"))(get)
-    settings.command("set", cls=NumbersCommand, epilog=examples("flightd config set limits.speed_m_s 3"))(change)
+    settings.command(epilog=examples("flightd config get guidance.limits.speed_m_s"))(get)
+    settings.command("set", cls=NumbersCommand, epilog=examples("flightd config set guidance.limits.speed_m_s 3"))(change)
     app.add_typer(settings, name="config")

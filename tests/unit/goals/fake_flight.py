@@ -15,7 +15,7 @@ from daemon.goals.sockets import Operators, listen
 
 CEILING_M = 120.0
 LOOP = {"rate_hz": 100.0, "period_p99_ms": 10.4, "late": 0, "missed": 0}
-SETTING = {"path": "limits.speed_m_s", "value": 5.0, "min": 0.1, "max": 15.0, "unit": "m/s", "settable": True}
+SETTING = {"path": "guidance.limits.speed_m_s", "value": 5.0, "min": 0.1, "max": 25.0, "unit": "m/s", "settable": True}
 
 IN_HOLD = {"state": "ready", "mode": "hold", "armed": True, "landed": "in_air"}
 ON_GROUND = {"state": "standby", "mode": "hold", "armed": False, "landed": "on_ground"}
@@ -181,7 +181,7 @@ class FakeFlight:
     async def config_set(self, params, caller):
         self._setting(params.path)
         if not self.setting["min"] <= params.value <= self.setting["max"]:
-            raise ProtocolError(ErrorCode.REFUSED, f"{params.value:g} is not within 0.1 to 15 m/s", "value")
+            raise ProtocolError(ErrorCode.REFUSED, f"{params.value:g} is not within 0.1 to 25 m/s", "value")
         self.setting["value"] = params.value
         return self.setting
 

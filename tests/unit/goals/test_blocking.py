@@ -30,7 +30,7 @@ def test_waiting_too_long_leaves_the_goal_running(path):
 def test_vehicle_settings_and_telemetry(path):
     with serving_in_thread(path) as daemon, BlockingFlightClient(path) as flight:
         assert flight.takeoff(5)["mode"] == "hold"
-        assert flight.set_config("limits.speed_m_s", 3)["value"] == 3
+        assert flight.set_config("guidance.limits.speed_m_s", 3)["value"] == 3
         assert flight.status()["state"] == "ready"
         stream = flight.telemetry("events")
         daemon.loop.call_soon_threadsafe(publish_when_heard, daemon)
