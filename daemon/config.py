@@ -118,9 +118,17 @@ class Control(Section):
 class Estimator(Section):
     """The estimate and its quality."""
 
+    kind: Literal["autopilot", "ekf", "ukf"]
+    external_pose: Literal["off", "fused", "alone"]
     position_variance_max_m2: float = _number(0.01, 100.0, "m2", settable=True)
     reset_max_m: float = _number(0.5, 1000.0, "m", settable=True)
     telemetry_latency_s: float = _number(0.0, 0.2, "s")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "Estimator":
+        if self.external_pose != "off" and self.kind == "autopilot":
+            raise ValueError(f"external_pose {self.external_pose!r} needs kind ekf or ukf")
+        return self
 
 
 class Fence(Section):

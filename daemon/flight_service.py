@@ -227,7 +227,9 @@ class Service:
 
     def estimator_pose(self, params: methods.EstimatorPose, caller: Caller) -> None:
         """See ``FlightService``."""
-        raise ProtocolError(ErrorCode.WRONG_STATE, "the estimator is not configured to take poses from outside")
+        if self._vehicle.config.estimator.external_pose == "off":
+            raise ProtocolError(ErrorCode.WRONG_STATE, "the estimator is not configured to take poses from outside")
+        self._vehicle.control.pose.set(orders.external_pose(params, asyncio.get_running_loop().time()))
 
     # -- settings
 

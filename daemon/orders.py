@@ -7,7 +7,7 @@ from math import pi, radians
 from daemon import frames
 from daemon.goals import schema
 from daemon.goals.errors import ErrorCode, ProtocolError
-from daemon.goals.methods import GoalSubmit, ReferenceSet
+from daemon.goals.methods import EstimatorPose, GoalSubmit, ReferenceSet
 from daemon.guidance import planner, reachability
 from daemon.guidance.convergence import Convergence, Threshold, Tolerance
 from daemon.guidance.goals import (
@@ -28,7 +28,7 @@ from daemon.guidance.shapes import Circle, Lemniscate, Shape
 from daemon.guidance.stream import StreamSample, sample_refusal
 from daemon.guidance.waypoint_modes import WaypointMode
 from daemon.loops.trajectory_task import GoalOrder
-from daemon.messages import AutopilotStatus, GlobalPosition, Quat, Reference, Vec3
+from daemon.messages import AutopilotStatus, ExternalPose, GlobalPosition, Quat, Reference, Vec3
 from daemon.safety.geofence import Geofence, violation
 
 STAMP_AGE_MAX_S = 1.0
@@ -262,3 +262,15 @@ def stream_refusal(sample: StreamSample, limits: MotionLimits, fence: Geofence, 
         return Refusal(*found)
     outside = violation(fence, sample.position_ned_m)
     return None if outside is None else Refusal(f"position[{outside[0]}]", outside[1])
+
+
+def external_pose(params: EstimatorPose, now_s: float) -> ExternalPose:
+    """A pose from outside; without a stamp it counts as of now."""
+    covariance = params.covariance
+    return ExternalPose(
+        stamp_s=now_s if params.stamp_s is None else params.stamp_s,
+        position_ned_m=params.position,
+        attitude_wb=frames.normalized(params.orientation),
+        position_variance_m2=None if covariance is None else (covariance[0], covariance[1], covariance[2]),
+        angle_variance_rad2=None if covariance is None else (covariance[3], covariance[4], covariance[5]),
+    )

@@ -1,12 +1,15 @@
 """From the configuration's numbers to the parameters of the flow: degrees to radians, names to types."""
 
+from dataclasses import replace
 from math import radians
 from typing import Any
 
 from daemon.config import Config
 from daemon.control.parameters import AttitudeLaw, ControlParameters
+from daemon.estimation import ekf, ukf
 from daemon.estimation.clock import ClockParameters
 from daemon.estimation.estimator import EstimatorParameters
+from daemon.estimation.fusion import FusionParameters, flight_filter
 from daemon.estimation.predictor import PredictorParameters
 from daemon.estimation.quality import QualityParameters
 from daemon.estimation.reset_tracker import ResetParameters
@@ -30,6 +33,7 @@ def pipeline_parameters(config: Config, fence: Geofence, hover_thrust: float | N
                 variance_trusted_m2=config.estimator.position_variance_max_m2,
             ),
             quality=QualityParameters(variance_max_m2=config.estimator.position_variance_max_m2),
+            fusion=fusion_parameters(config),
         ),
         predictor=PredictorParameters(),
         control=control_parameters(config, hover_thrust),
@@ -47,6 +51,16 @@ def pipeline_parameters(config: Config, fence: Geofence, hover_thrust: float | N
         timing=Timing(),
         command_latency_s=config.loops.command_latency_s,
     )
+
+
+def fusion_parameters(config: Config) -> FusionParameters | None:
+    """The filter of our own, or None where the autopilot's estimate is flown as it is."""
+    if config.estimator.kind == "autopilot":
+        return None
+    fused = FusionParameters(filter=flight_filter(ekf.predict if config.estimator.kind == "ekf" else ukf.Unscented()))
+    if config.estimator.external_pose == "alone":
+        return replace(fused, odometry_axes=(False,) * 3 + (True,) * 9)
+    return fused
 
 
 def control_parameters(config: Config, hover_thrust: float | None) -> ControlParameters:

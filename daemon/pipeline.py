@@ -22,6 +22,7 @@ from daemon.messages import (
     ZERO3,
     AutopilotStatus,
     EstimatedState,
+    ExternalPose,
     FlightMode,
     FrameShift,
     Imu,
@@ -67,6 +68,7 @@ class Inputs:
     request: VehicleRequest | None
     latched: bool
     parameters: Parameters
+    pose: ExternalPose | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,6 +122,7 @@ def step(
         state.acceleration_ned_m_s2,
         now_s,
         parameters=parameters.estimator,
+        pose=inputs.pose,
     )
     state = _with_reset(replace(state, estimator=estimation), estimate)
     supervision, conditions, modes = _supervise(state, inputs, estimate, now_s)

@@ -7,7 +7,7 @@ from daemon import pipeline
 from daemon.autopilot.port import Autopilot
 from daemon.latest import Latest
 from daemon.loops.grid import Grid
-from daemon.messages import ReferenceWindow, VehicleRequest
+from daemon.messages import ExternalPose, ReferenceWindow, VehicleRequest
 from daemon.pipeline import Inputs, Parameters, PipelineState, Record
 from daemon.safety.dead_man import SetpointGate
 
@@ -16,7 +16,7 @@ class ControlTask:
     """Owns the pipeline's state; writes ``record``, reads everything else.
 
     ``listeners`` get the inputs and the record of each tick (the flight record, the tests); they must be quick.
-    ``step_s`` is what the last step of the pipeline cost.
+    ``pose`` is written by whoever has poses from outside. ``step_s`` is what the last step of the pipeline cost.
     """
 
     def __init__(
@@ -33,6 +33,7 @@ class ControlTask:
         self.record = record
         self.listeners: list[Callable[[Inputs, Record], None]] = []
         self.grid = grid
+        self.pose: Latest[ExternalPose | None] = Latest(None)
         self.step_s = 0.0
         self._autopilot = autopilot
         self._gate = gate
@@ -75,4 +76,5 @@ class ControlTask:
             request=self._request.value,
             latched=self._gate.latched,
             parameters=self._parameters.value,
+            pose=self.pose.value,
         )
