@@ -23,7 +23,7 @@ GOALS = 100 * SOAK
 FLOOD_S = 0.3 * SOAK
 METHODS = ["status.get", "goal.submit", "goal.update", "telemetry.subscribe", "config.set", "vehicle.arm", "goal.fly"]
 FLOODER = """
-import json, socket, sys, threading
+import json, socket, sys, threading, time
 path, seconds = sys.argv[1], float(sys.argv[2])
 client = socket.socket(socket.AF_UNIX)
 client.connect(path)
@@ -40,7 +40,8 @@ def read():
     print(lines)
 reader = threading.Thread(target=read)
 reader.start()
-for _ in range(int(seconds * 100)):
+end = time.monotonic() + seconds
+while time.monotonic() < end:
     try:
         client.sendall(line * 50)
     except TimeoutError:
