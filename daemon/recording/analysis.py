@@ -13,6 +13,7 @@ from daemon import frames
 from daemon.recording.flight import Flight, Table
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
+KINDS = ("waypoint", "path", "trajectory", "stream")
 OURS = ("engaging", "holding", "tracking", "releasing")
 
 
@@ -114,7 +115,7 @@ def goals(flight: Flight, found: Traces) -> list[GoalSummary]:
         summaries.append(
             GoalSummary(
                 goal_id=note["goal_id"],
-                kind=note.get("kind", ""),
+                kind=next((kind for kind in KINDS if kind in note), ""),
                 begin_s=begin_s,
                 end_s=end_s,
                 outcome=end.get("outcome"),
@@ -168,10 +169,10 @@ def summary(flight: Flight, found: Traces, ended: list[GoalSummary], rate_hz: fl
             f"payload) was {wind.mean():.2f} m/s² on average and {wind.max():.2f} m/s² at most."
         )
     lines.append(_timing(found, 1e3 / rate_hz))
-    resets = [event for event in flight.events if event["code"] in ("reset", "fast_slide")]
+    resets = int(flight.ticks["has_estimate_reset"].sum())
     refused = sum(bool(reason) for reason in flight.ticks.text("estimate_refused"))
     lines.append(
-        f"{len(resets) or 'No'} reset{'' if len(resets) == 1 else 's'} of the autopilot's estimate, "
+        f"{resets or 'No'} reset{'' if resets == 1 else 's'} of the autopilot's estimate, "
         f"{refused or 'no'} refused sample{'' if refused == 1 else 's'}."
     )
     return lines

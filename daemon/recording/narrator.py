@@ -1,4 +1,7 @@
-"""Events that a tick tells by itself: changes of state and mode, resets, refusals, limits that came into force."""
+"""Events that only the record tells, from the ticks: the autopilot's mode, arming, landing, refusals, late ticks.
+
+What subscribers hear as well (the daemon's state, resets) comes to the record the way it comes to them.
+"""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,7 +13,6 @@ from daemon.recording.topics import Step
 class Told:
     """What was told last, so that only changes are told."""
 
-    supervision: tuple[str, str] = ("", "")
     mode: str = ""
     armed: bool | None = None
     landed: str = ""
@@ -21,10 +23,8 @@ class Told:
 def tell(told: Told, step: Step, period_s: float) -> tuple[Told, list[dict[str, Any]]]:
     """The events of a step after what was told before it."""
     record, status = step.record, step.inputs.status
-    state = (record.supervision.state.value, record.supervision.reason)
     now = replace(
         told,
-        supervision=state,
         mode=status.mode.value,
         armed=status.armed,
         landed=status.landed.name.lower(),
@@ -36,8 +36,6 @@ def tell(told: Told, step: Step, period_s: float) -> tuple[Told, list[dict[str, 
     def add(code: str, text: str, **more: Any) -> None:
         events.append({"time_s": record.now_s, "code": code, "text": text, "goal_id": None, "field": None, **more})
 
-    if now.supervision != told.supervision:
-        add("state", f"{state[0]}: {state[1]}")
     if now.mode != told.mode:
         add("mode", f"autopilot mode {now.mode}")
     if now.armed != told.armed:
@@ -48,8 +46,4 @@ def tell(told: Told, step: Step, period_s: float) -> tuple[Told, list[dict[str, 
         add("refused", f"telemetry refused: {now.refused.replace('_', ' ')}", field=now.refused)
     if now.missed and not told.missed:
         add("late_tick", f"a tick came {record.dt_s * 1e3:.0f} ms after the one before")
-    for event in record.estimate.events:
-        reset = event.reset
-        what = f" of {', '.join(sorted(reset.kinds)) or 'nothing seen'}" if reset else ""
-        add(event.name, f"{event.name.replace('_', ' ')}{what}{f' ({event.cause})' if event.cause else ''}")
     return now, events

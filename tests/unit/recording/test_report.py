@@ -14,7 +14,7 @@ Run = Callable[..., list[Path]]
 
 
 def goal_notes(made: Recorder) -> None:
-    made.goal("submitted", "goal-1", {"kind": "waypoint"})
+    made.goal("submitted", "goal-1", {"waypoint": {"position": [4.0, 3.0, -5.0]}})
     made.goal("ended", "goal-1", {"outcome": "succeeded", "error_m": 0.12, "error_deg": 1.5})
     made.plan({"goal_id": "goal-1", "spacing_s": 0.1, "positions_ned_m": [[0.0, 0.0, -5.0], [4.0, 3.0, -5.0]]})
     made.event("goal_refused", "beyond the <fence>")
@@ -55,6 +55,7 @@ def test_both_themes_name_each_colour(page: str) -> None:
 
 def test_goals_and_events_are_told_and_escaped(page: str) -> None:
     assert "succeeded" in page
+    assert "<td>waypoint</td>" in page
     assert "0.12 m, 1.5°" in page
     assert "beyond the &lt;fence&gt;" in page
 
