@@ -227,6 +227,15 @@ def test_bias_of_the_velocity_is_learned_and_taken_off() -> None:
     assert record.velocity_error_ned_m_s == pytest.approx(ZERO3, abs=1e-3)
 
 
+def test_predicted_position_is_freed_of_the_bias_over_the_time_of_prediction() -> None:
+    bias = (0.3, -0.2, 0.1)
+    state, _ = flown(controller.initial(P), 400, velocity=bias)
+    t = state.time_s + DT
+    ahead = at(t + 0.05, frames.add(HERE, frames.scale(bias, 0.05)), bias)
+    _, _, record = controller.step(state, at(t, velocity=bias), ahead, Reference(t + 0.05, HERE), DT, parameters=P)
+    assert record.position_error_ned_m == pytest.approx(ZERO3, abs=1e-3)
+
+
 @pytest.mark.parametrize(
     "other",
     [
