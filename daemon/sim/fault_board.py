@@ -2,28 +2,25 @@
 
 from collections.abc import Iterable
 from heapq import heappop, heappush
-from math import nan
 from typing import TYPE_CHECKING
 
-from daemon.sim.faults import FAULTS, Fault, ScheduledFault
+from daemon.sim.faults import FAULTS, Fault, ScheduledFault, SpoiltTelemetry
 from daemon.sim.telemetry import Fields
 
 if TYPE_CHECKING:
     from daemon.sim.px4 import SimulatedPx4
 
-_STAMPS = ("time_usec", "time_boot_ms")
-
 
 class FaultBoard:
-    """``spoilt`` maps names of messages to what happens to them: frozen, stuck, nan or stopped."""
+    """``active``: the faults at work; ``spoilt``: which of them spoils which message."""
 
     def __init__(self, px4: "SimulatedPx4") -> None:
         self._px4 = px4
         self._plan: list[tuple[int, int, bool, Fault]] = []
         self._count = 0
         self.active: list[Fault] = []
-        self.spoilt: dict[str, str] = {}
-        self._frozen: dict[str, Fields] = {}
+        self.spoilt: dict[str, SpoiltTelemetry] = {}
+        self._first: dict[str, Fields] = {}
 
     def inject(self, fault: Fault) -> None:
         """Begin a fault now. Raises ValueError when it does not fit this vehicle."""
@@ -58,21 +55,8 @@ class FaultBoard:
 
     def spoil(self, name: str, fields: Fields) -> Fields | None:
         """What becomes of a message; None when it is not sent."""
-        what = self.spoilt[name]
-        if what == "stopped":
-            return None
-        if what == "nan":
-            return {key: _nan(value) for key, value in fields.items()}
-        frozen = self._frozen.setdefault(name, fields)
-        if what == "stuck":
-            return dict(frozen)
-        return {**frozen, **{key: fields[key] for key in _STAMPS if key in fields}}
-
-    def mend(self, names: Iterable[str]) -> None:
-        """These messages are themselves again."""
-        for name in names:
-            self.spoilt.pop(name, None)
-            self._frozen.pop(name, None)
+        fault, first = self.spoilt[name], self._first.setdefault(name, fields)
+        return fault.spoil(fields, first)
 
     def _plan_at(self, time_us: int, begins: bool, fault: Fault) -> None:
         self._count += 1
@@ -82,17 +66,18 @@ class FaultBoard:
         fault.begin(self._px4)
         if fault.lasts:
             self.active.append(fault)
+            self._note_spoilt()
             if fault.duration_s is not None:
                 self._plan_at(self._px4.simulated_us + round(fault.duration_s * 1e6), False, fault)
 
     def _end(self, fault: Fault) -> None:
         self.active = [other for other in self.active if other is not fault]
         fault.end(self._px4)
+        self._note_spoilt()
 
-
-def _nan(value: object) -> object:
-    if isinstance(value, float):
-        return nan
-    if isinstance(value, list) and value and isinstance(value[0], float):
-        return [nan] * len(value)
-    return value
+    def _note_spoilt(self) -> None:
+        """Which fault spoils which message: the newest of those at work."""
+        faults = [fault for fault in self.active if isinstance(fault, SpoiltTelemetry)]
+        spoilt = {name: fault for fault in faults for name in fault.messages}
+        self._first = {name: first for name, first in self._first.items() if spoilt.get(name) is self.spoilt.get(name)}
+        self.spoilt = spoilt

@@ -5,19 +5,34 @@ In files and at run time a fault is a mapping: ``{fault: gps_loss, duration_s: 1
 """
 
 from dataclasses import dataclass, field, fields
-from math import isfinite, radians
+from math import inf, isfinite, nan, radians
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from daemon.messages import ZERO3, FlightMode, Vec3
 from daemon.sim.flight_tasks import Sticks
 from daemon.sim.link_faults import PERFECT, LinkFaults, LinkQuality
 from daemon.sim.modes import ALL_MODES, MANUAL_MODES
+from daemon.sim.telemetry import Fields
 from daemon.sim.wind import Gust
 
 if TYPE_CHECKING:
     from daemon.sim.px4 import SimulatedPx4
 
-_DEFAULT_MESSAGES = ("ODOMETRY",)
+_RANGES = {
+    "delay_s": (0.0, 60.0),
+    "duration_s": (0.0, inf),
+    "efficiency": (0.0, 1.5),
+    "forward": (-1.0, 1.0),
+    "fraction": (0.0, 1.0),
+    "jitter_s": (0.0, 60.0),
+    "loss": (0.0, 1.0),
+    "mass_kg": (0.0, 100.0),
+    "reordering": (0.0, 1.0),
+    "right": (-1.0, 1.0),
+    "throttle": (0.0, 1.0),
+    "turbulence_m_s": (0.0, 50.0),
+    "yaw": (-1.0, 1.0),
+}
 _MODES = tuple(mode.value for mode in ALL_MODES)
 
 
@@ -68,49 +83,44 @@ class Link(Fault):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FrozenTelemetry(Fault):
+class SpoiltTelemetry(Fault):
+    """Base of what happens to messages on their way out."""
+
+    messages: tuple[str, ...] = ("ODOMETRY",)
+
+    def spoil(self, fields: Fields, first: Fields) -> Fields | None:
+        """The message instead of ``fields``; ``first`` was the first one since the fault began. None: not sent."""
+        return fields
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrozenTelemetry(SpoiltTelemetry):
     """Messages come with the values they had; ``stamps_advance``: with new stamps, as a stuck estimator sends them."""
 
-    messages: tuple[str, ...] = _DEFAULT_MESSAGES
     stamps_advance: bool = True
 
-    def begin(self, px4: "SimulatedPx4") -> None:
-        """Freeze."""
-        px4.faults.spoilt |= dict.fromkeys(self.messages, "frozen" if self.stamps_advance else "stuck")
-
-    def end(self, px4: "SimulatedPx4") -> None:
-        """Thaw."""
-        px4.faults.mend(self.messages)
+    def spoil(self, fields: Fields, first: Fields) -> Fields | None:
+        """The first message again."""
+        advancing = ("time_usec", "time_boot_ms") if self.stamps_advance else ()
+        return first | {key: fields[key] for key in advancing if key in fields}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NanTelemetry(Fault):
+class NanTelemetry(SpoiltTelemetry):
     """Every float of the messages is NaN."""
 
-    messages: tuple[str, ...] = _DEFAULT_MESSAGES
-
-    def begin(self, px4: "SimulatedPx4") -> None:
-        """Spoil."""
-        px4.faults.spoilt |= dict.fromkeys(self.messages, "nan")
-
-    def end(self, px4: "SimulatedPx4") -> None:
-        """Mend."""
-        px4.faults.mend(self.messages)
+    def spoil(self, fields: Fields, first: Fields) -> Fields | None:
+        """NaN for every float."""
+        return {key: _nan(value) for key, value in fields.items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StoppedTelemetry(Fault):
+class StoppedTelemetry(SpoiltTelemetry):
     """The messages do not come."""
 
-    messages: tuple[str, ...] = _DEFAULT_MESSAGES
-
-    def begin(self, px4: "SimulatedPx4") -> None:
-        """Stop."""
-        px4.faults.spoilt |= dict.fromkeys(self.messages, "stopped")
-
-    def end(self, px4: "SimulatedPx4") -> None:
-        """Go on."""
-        px4.faults.mend(self.messages)
+    def spoil(self, fields: Fields, first: Fields) -> Fields | None:
+        """Nothing."""
+        return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -391,6 +401,14 @@ class ScheduledFault:
     fault: Fault = field(default_factory=Fault)
 
 
+def _nan(value: object) -> object:
+    if isinstance(value, float):
+        return nan
+    if isinstance(value, list) and value and isinstance(value[0], float):
+        return [nan] * len(value)
+    return value
+
+
 def _one_of(name: str, value: str, known: tuple[str, ...]) -> None:
     if value not in known:
         raise ValueError(f"{name}: {value!r} is none of {', '.join(known)}")
@@ -410,6 +428,9 @@ def from_mapping(data: dict[str, Any]) -> Fault:
         if key not in known:
             raise ValueError(f"{name}.{key}: unknown; known: {', '.join(known)}")
         arguments[key] = _checked(f"{name}.{key}", str(known[key].type), value)
+        low, high = _RANGES.get(key, (-inf, inf))
+        if key in _RANGES and not low <= value <= high:
+            raise ValueError(f"{name}.{key}: {value!r} is not in {low:g} to {high:g}")
     try:
         return kind(**arguments)
     except ValueError as error:

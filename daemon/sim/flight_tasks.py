@@ -23,7 +23,7 @@ _STICK_SPEED_M_S = 10.0  # MPC_VEL_MANUAL
 _STICK_YAW_RATE_RAD_S = radians(150.0)  # MPC_MAN_Y_MAX
 _STICK_TILT_RAD = radians(35.0)  # MPC_MAN_TILT_MAX
 _STICK_RATE_RAD_S = radians(100.0)  # MC_ACRO_R_MAX
-_ARRIVED_M = 0.5
+_ARRIVED_M, _ARRIVED_M_S = 0.8, 0.8
 _LANDS_AFTER_S = 0.05  # recorded: near home Return turns into a landing after 50 to 60 ms
 _FAR_M = 100.0
 
@@ -60,6 +60,7 @@ class FlightTasks:
         if mode not in (FlightMode.HOLD, FlightMode.LAND, FlightMode.RETURN) or self._mode == FlightMode.OFFBOARD:
             self._control.restart()
         climbed = self._mode is FlightMode.TAKEOFF and mode is FlightMode.HOLD and self.finished
+        is_home = self._mode is FlightMode.RETURN and mode is FlightMode.LAND and not self._lands_at_once
         self._mode = mode
         self._reference, self._speed = estimate.position_ned_m, estimate.velocity_ned_m_s
         self._yaw = yaw_of(estimate.attitude_wb)
@@ -69,6 +70,8 @@ class FlightTasks:
         self._target = _stop_point(self._reference, self._speed)
         if climbed:  # Hold after a take-off goes on to its altitude
             self._target = (self._target[0], self._target[1], top_down_m)
+        elif is_home:
+            self._target = self.home_ned_m
         if mode is FlightMode.TAKEOFF and takeoff_down_m is not None:
             self._target = (self._reference[0], self._reference[1], takeoff_down_m)
             self._speed = ZERO3
@@ -134,7 +137,8 @@ class FlightTasks:
             self.finished = self._since_s > _LANDS_AFTER_S
         elif position[2] < self._target[2] + _ALTITUDE_RADIUS_M:
             self._target = (home[0], home[1], self._target[2])
-            self.finished = away_m < _ARRIVED_M
+            slow = hypot(estimate.velocity_ned_m_s[0], estimate.velocity_ned_m_s[1]) < _ARRIVED_M_S
+            self.finished = away_m < _ARRIVED_M and slow
         self._advance(p["MPC_XY_CRUISE"], p["MPC_Z_VEL_MAX_UP"])
 
     def _sink(self, height_m: float) -> float:

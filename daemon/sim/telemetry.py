@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import degrees, hypot, nan
+from math import degrees, hypot, isfinite, nan
 from typing import TYPE_CHECKING, Any
 
-from daemon.frames import add, to_rpy, yaw_of
+from daemon.frames import add, clamp, to_rpy, yaw_of
 from daemon.messages import Vec3
 from daemon.sim.estimator import Estimate
 from daemon.sim.modes import STANDARD_MODE, base_mode, custom_mode
@@ -365,12 +365,13 @@ def altitude(px4: "SimulatedPx4", sample: Sample) -> Fields:
 
 def vfr_hud(px4: "SimulatedPx4", sample: Sample) -> Fields:
     """VFR_HUD."""
+    thrust = px4.setpoint.thrust
     vx, vy, vz = sample.estimate.velocity_ned_m_s
     return {
         "airspeed": nan,
         "groundspeed": hypot(vx, vy),
         "heading": round(degrees(yaw_of(sample.estimate.attitude_wb))) % 360,
-        "throttle": round(px4.setpoint.thrust * 100.0),
+        "throttle": round(clamp(thrust, 0.0, 1.0) * 100.0) if isfinite(thrust) else 0,
         "alt": px4.home.altitude_amsl_m - px4.estimator.origin_ned_m[2] - sample.estimate.position_ned_m[2],
         "climb": -vz,
     }

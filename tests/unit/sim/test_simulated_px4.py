@@ -1,0 +1,226 @@
+"""The vehicle as a whole: determinism, addressing, reboot, robustness."""
+
+import pickle
+from math import nan
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from daemon.messages import FlightMode, GlobalPosition, LandedState
+from daemon.sim import airframe_files
+from daemon.sim.faults import ClockStep, GpsLoss, Link, Reboot, SteadyWind
+from daemon.sim.px4 import SimulatedPx4
+from daemon.sim.sensors import global_of, ned_of
+
+SIH = airframe_files.load("sih")
+
+
+def vehicle(height_m=0.0, **arguments):
+    px4 = SimulatedPx4(airframe=arguments.pop("airframe", SIH), noise=arguments.pop("noise", False), **arguments)
+    if height_m:
+        px4.start_in_air(height_m)
+    return px4
+
+
+def command(px4, number, *parameters, system=None):
+    values = (*parameters, *[nan] * (7 - len(parameters)))
+    fields = {"target_system": px4.system_id if system is None else system, "command": number}
+    px4.receive("COMMAND_LONG", fields | {f"param{i + 1}": v for i, v in enumerate(values)})
+
+
+def fly(px4, seconds):
+    messages = []
+    for _ in range(round(seconds / 0.004)):
+        px4.step()
+        messages += px4.take_outgoing()
+    return messages
+
+
+def named(messages, name):
+    return [fields for n, fields in messages if n == name]
+
+
+def flown(seed, noise=True):
+    px4 = vehicle(10.0, seed=seed, noise=noise)
+    px4.inject(SteadyWind(north_m_s=3.0, turbulence_m_s=1.0))
+    px4.inject(Link(direction="down", loss=0.1, jitter_s=0.05))
+    messages = fly(px4, 2.0)
+    px4.inject(GpsLoss(duration_s=1.0))
+    return pickle.dumps(messages + fly(px4, 3.0))
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_does_not():
+    assert flown(7) == flown(7)
+    assert flown(7) != flown(8)
+
+
+def test_it_takes_off_to_an_altitude_above_sea_level_and_lands_disarmed():
+    px4 = vehicle()
+    fly(px4, 0.5)
+    command(px4, 400, 1.0)
+    fly(px4, 0.1)
+    command(px4, 22, nan, nan, nan, nan, nan, nan, 489.4 + 6.0)
+    fly(px4, 15.0)
+    assert px4.mode is FlightMode.HOLD
+    assert px4.height_m == pytest.approx(6.0, abs=0.1)
+    command(px4, 21)
+    fly(px4, 25.0)
+    assert not px4.armed
+    assert px4.commander.landed_state is LandedState.ON_GROUND
+
+
+def test_return_flies_home_and_lands_there():
+    px4 = vehicle(10.0)
+    px4.truth = type(px4.truth)((30.0, -20.0, -10.0), signals=(0.49,) * 4, on_ground=False)
+    fly(px4, 0.1)
+    command(px4, 20)
+    fly(px4, 60.0)
+    assert px4.truth.on_ground
+    assert px4.truth.position_ned_m == pytest.approx((0.0, 0.0, 0.0), abs=0.6)
+
+
+def test_messages_for_other_systems_are_not_obeyed():
+    px4 = vehicle(system_id=3)
+    fly(px4, 0.1)
+    command(px4, 400, 1.0, system=1)
+    assert not named(fly(px4, 0.1), "COMMAND_ACK")
+    command(px4, 400, 1.0, system=0)
+    assert named(fly(px4, 0.1), "COMMAND_ACK")
+    assert px4.armed
+    assert px4.parameters["MAV_SYS_ID"] == 3
+
+
+def test_acks_go_to_whoever_asked():
+    px4 = vehicle()
+    fields = {"target_system": 1, "command": 31999, **{f"param{i}": 0.0 for i in range(1, 8)}}
+    px4.receive("COMMAND_LONG", fields, sender_system=255, sender_component=190)
+    (ack,) = named(fly(px4, 0.1), "COMMAND_ACK")
+    assert (ack["target_system"], ack["target_component"], ack["result"]) == (255, 190, 3)
+
+
+def test_a_reboot_starts_the_clock_the_streams_and_the_resets_anew():
+    px4 = vehicle(10.0)
+    command(px4, 511, 331, 10000.0)
+    fly(px4, 1.0)
+    assert px4.time_us > 15_000_000
+    px4.inject(Reboot())
+    silent = fly(px4, 1.4)
+    assert silent == [] or named(silent, "ODOMETRY") == named(silent[:50], "ODOMETRY")
+    assert px4.time_us < 1_500_000
+    assert not px4.armed
+    messages = fly(px4, 1.0)
+    assert len(named(messages, "ODOMETRY")) == pytest.approx(27, abs=4)  # 30 Hz again
+    assert named(messages, "ODOMETRY")[0]["reset_counter"] == 8
+    assert px4.commander.can_arm is False
+    fly(px4, 4.0)
+    assert named(fly(px4, 0.2), "ODOMETRY")[-1]["reset_counter"] == 11
+    assert px4.commander.can_arm
+
+
+def test_the_clock_can_step():
+    px4 = vehicle()
+    before = named(fly(px4, 0.1), "ODOMETRY")[-1]["time_usec"]
+    px4.inject(ClockStep(step_s=-3.0))
+    after = named(fly(px4, 0.1), "ODOMETRY")[-1]["time_usec"]
+    assert after - before == pytest.approx(-2_900_000, abs=40_000)
+
+
+def test_an_attitude_setpoint_is_flown_as_well_as_rates():
+    px4 = vehicle(20.0)
+    tilt = {"type_mask": 7, "q": [0.9962, 0.0872, 0.0, 0.0], "thrust": 0.5}
+    rates = {"body_roll_rate": 0.0, "body_pitch_rate": 0.0, "body_yaw_rate": 0.0}
+    for index in range(150):
+        px4.receive("SET_ATTITUDE_TARGET", {"target_system": 1, **tilt, **rates})
+        if index == 5:
+            command(px4, 176, 1.0, 6.0)
+        fly(px4, 0.012)
+    assert px4.mode is FlightMode.OFFBOARD
+    assert px4.truth.attitude_wb[1] == pytest.approx(0.0872, abs=0.01)
+
+
+def test_killing_in_the_air_drops_and_disarms():
+    px4 = vehicle(30.0)
+    px4.commander.kill(True)
+    fly(px4, 1.0)
+    assert px4.truth.velocity_ned_m_s[2] > 5.0
+    fly(px4, 5.0)
+    assert not px4.armed
+
+
+def test_disarming_in_the_air_needs_force():
+    px4 = vehicle(10.0)
+    command(px4, 400, 0.0)
+    fly(px4, 0.1)
+    assert px4.armed
+    command(px4, 400, 0.0, 21196.0)
+    fly(px4, 0.1)
+    assert not px4.armed
+
+
+def test_hold_and_land_are_refused_without_a_position_and_the_vehicle_descends():
+    """PX4's mode requirements: AUTO_LAND and AUTO_LOITER need a local position, Descend does not."""
+    px4 = vehicle(10.0)
+    px4.inject(GpsLoss())
+    setpoint = {"target_system": 1, "type_mask": 128, "q": [0.0] * 4, "thrust": 0.4905}
+    rates = {"body_roll_rate": 0.0, "body_pitch_rate": 0.0, "body_yaw_rate": 0.0}
+    for index in range(300):
+        px4.receive("SET_ATTITUDE_TARGET", {**setpoint, **rates})
+        if index == 5:
+            command(px4, 176, 1.0, 6.0)
+        fly(px4, 0.02)
+    assert px4.mode is FlightMode.OFFBOARD
+    command(px4, 176, 1.0, 4.0, 3.0)
+    command(px4, 21)
+    acks = [(ack["command"], ack["result"]) for ack in named(fly(px4, 0.1), "COMMAND_ACK")]
+    assert acks == [(176, 0), (176, 1), (21, 1)]
+    fly(px4, 1.5)  # and now silence
+    assert px4.commander.descending
+    height = px4.height_m
+    fly(px4, 3.0)
+    assert 0.3 < (height - px4.height_m) / 3.0 < 1.6
+
+
+@pytest.mark.parametrize("airframe", airframe_files.names())
+def test_every_airframe_hovers_with_noise(airframe):
+    px4 = vehicle(10.0, airframe=airframe_files.load(airframe), noise=True, seed=2)
+    fly(px4, 8.0)
+    assert px4.truth.position_ned_m == pytest.approx((0.0, 0.0, -10.0), abs=1.0)
+    assert px4.commander.status.name == "ACTIVE"
+
+
+@pytest.mark.parametrize("position", [(0.0, 0.0, 0.0), (120.0, -340.0, -35.0)])
+def test_global_positions_go_there_and_back(position):
+    home = GlobalPosition(47.397742, 8.545594, 489.4)
+    assert ned_of(global_of(position, home), home) == pytest.approx(position, abs=1e-6)
+
+
+anything = st.one_of(st.floats(allow_nan=True, allow_infinity=True), st.integers(-(2**31), 2**31))
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.sampled_from([20, 21, 22, 176, 400, 401, 510, 511, 512, 246, 31999]),
+    st.lists(st.floats(allow_nan=True, allow_infinity=True, width=32), min_size=7, max_size=7),
+)
+def test_no_command_raises_and_each_is_answered(number, parameters):
+    px4 = vehicle(5.0)
+    fly(px4, 0.02)
+    command(px4, number, *parameters)
+    assert named(fly(px4, 0.05), "COMMAND_ACK")
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.lists(st.floats(allow_nan=True, allow_infinity=True, width=32), min_size=8, max_size=8))
+def test_no_setpoint_raises_or_breaks_the_state(values):
+    px4 = vehicle(5.0, noise=True)
+    fields = dict(zip(("body_roll_rate", "body_pitch_rate", "body_yaw_rate", "thrust"), values[:4], strict=True))
+    for index in range(12):
+        mask = 128 if index % 2 else 0
+        px4.receive("SET_ATTITUDE_TARGET", {"target_system": 1, "type_mask": mask, "q": values[4:], **fields})
+        if index == 3:
+            command(px4, 176, 1.0, 6.0)
+        fly(px4, 0.02)
+    state = px4.truth
+    for value in (*state.position_ned_m, *state.velocity_ned_m_s, *state.attitude_wb, *state.rates_frd_rad_s):
+        assert abs(value) < 1e4
