@@ -2,9 +2,15 @@
 
 import asyncio
 import json
-from typing import Annotated
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Protocol, TypeVar
 
 import typer
+
+if TYPE_CHECKING:
+    from daemon.bench.manoeuvres import Manoeuvre
+    from daemon.bench.track import Run
 
 bench_app = typer.Typer(help="Measure on this machine; nothing is asserted.", no_args_is_help=True)
 
@@ -39,3 +45,79 @@ def loop(
     typer.echo(f"  step      p50 {figures['step_p50_us']:.0f}  p99 {figures['step_p99_us']:.0f} us")
     typer.echo(f"  state age p50 {figures['age_p50_ms']:.1f}  p99 {figures['age_p99_ms']:.1f} ms when sent")
     typer.echo(f"  CPU       {figures['cpu_percent']:.1f} % of a core")
+
+
+@bench_app.command()
+def track(
+    manoeuvre: Annotated[list[str] | None, typer.Option(help="Only this one; may be repeated.")] = None,
+    condition: Annotated[list[str] | None, typer.Option(help="Only this one; may be repeated.")] = None,
+    px4: Annotated[str | None, typer.Option(help="MAVSDK URL of a PX4 simulator that runs on this machine.")] = None,
+    hover_thrust: Annotated[float, typer.Option(help="What the law believes of the PX4's.", min=0.1, max=0.9)] = 0.5,
+    drag: Annotated[float, typer.Option(help="Drag over mass of the PX4's vehicle, 1/s.", min=0.0, max=5.0)] = 1.0,
+    out: Annotated[Path | None, typer.Option(help="Folder for track.json, track.md and track.png.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    seed: Annotated[int, typer.Option(help="Seed of noise and gusts.")] = 1,
+) -> None:
+    """Fly the tracking benchmark: flightd's law, the one of mavros_controllers and, with --px4, PX4's own.
+
+    On the simulated PX4 in virtual time; the whole programme takes some minutes.
+
+    Example: flightd bench track --manoeuvre lemniscate_5 --condition calm --condition noise
+    """
+    from daemon import logs
+    from daemon.bench import manoeuvres, track, track_report
+
+    logs.configure("error")
+    chosen = _named(manoeuvres.all_manoeuvres(), manoeuvre, "manoeuvre")
+    if px4 is not None:
+        runs = asyncio.run(_on_px4(px4, chosen, hover_thrust, drag))
+    else:
+        conditions = _named(track.CONDITIONS, condition, "condition")
+        flights = track.programme(chosen, conditions)
+        if manoeuvre and condition:
+            flights = [(m, c) for c in conditions for m in chosen]
+        runs = list(_told(track.simulated(flights, seed=seed)))
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "track.json").write_text(json.dumps(track_report.as_json(runs), indent=1) + "\n")
+        (out / "track.md").write_text(track_report.markdown(runs) + "\n")
+        (out / "track.png").write_bytes(track_report.picture(runs))
+    typer.echo(json.dumps(track_report.as_json(runs)) if as_json else track_report.table(runs))
+
+
+class _Named(Protocol):
+    @property
+    def name(self) -> str: ...
+
+
+N = TypeVar("N", bound=_Named)
+
+
+def _named(choice: Iterable[N], names: list[str] | None, what: str) -> list[N]:
+    """Those of the choice that are named, all when none is."""
+    by_name = {one.name: one for one in choice}
+    unknown = [name for name in names or [] if name not in by_name]
+    if unknown:
+        raise typer.BadParameter(f"no {what} {unknown[0]}; there are {', '.join(by_name)}")
+    return [by_name[name] for name in names or by_name]
+
+
+async def _on_px4(url: str, chosen: "list[Manoeuvre]", hover_thrust: float, drag_1_s: float) -> "list[Run]":
+    from daemon.bench.track_px4 import connected
+
+    runs = []
+    async for run in connected(url, chosen, hover_thrust=hover_thrust, drag_1_s=(drag_1_s, drag_1_s, drag_1_s)):
+        _tell(run)
+        runs.append(run)
+    return runs
+
+
+def _told(runs: "Iterator[Run]") -> "Iterator[Run]":
+    for run in runs:
+        _tell(run)
+        yield run
+
+
+def _tell(run: "Run") -> None:
+    lost = f", lost: {run.lost}" if run.lost else ""
+    typer.echo(f"{run.manoeuvre}, {run.condition}, {run.contestant}: rms {run.rms_m:.3f} m{lost}", err=True)
