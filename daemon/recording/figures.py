@@ -13,7 +13,8 @@ from daemon.recording.analysis import Array, GoalSummary, Traces, spans
 from daemon.recording.style import BAD, FLOWN, FOURTH, GRID, INK, MUTED, THIRD, WANTED, thinned
 
 _STATE_COLOURS = {"tracking": WANTED, "holding": THIRD, "engaging": FOURTH, "releasing": FLOWN, "fault": BAD}
-_MARKED = {"reset": BAD, "fast_slide": BAD, "refused": FLOWN, "record_gap": BAD, "late_tick": MUTED}
+_MARKED = {"reset": BAD, "fast_slide": BAD, "record_gap": BAD, "refused": FLOWN, "goal.refused": FLOWN}
+BAD_NEWS = frozenset(_MARKED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,7 +305,7 @@ def _mark_goals(axes: Axes, scene: Scene) -> None:
 def _mark_events(axes: Axes, scene: Scene) -> None:
     for event in scene.events:
         colour = _MARKED.get(event["code"])
-        if colour in (BAD, FLOWN):
+        if colour is not None:
             axes.axvline(event["time_s"] - scene.zero_s, color=colour, lw=1.0, ls=(0, (1, 2)))
 
 

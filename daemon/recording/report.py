@@ -3,6 +3,7 @@
 from html import escape
 from pathlib import Path
 from string import Template
+from typing import Any
 
 from daemon.recording import figures, flight, style
 from daemon.recording.analysis import GoalSummary, goals, summary, traces
@@ -44,7 +45,14 @@ def scene_of(found: Flight) -> figures.Scene:
     """Traces, goals and events of a flight."""
     of_ticks = traces(found)
     zero_s = float(found.ticks["now_s"][0])
-    return figures.Scene(of_ticks, goals(found, of_ticks), found.events, zero_s)
+    events = sorted([*found.events, *map(_told, found.goals)], key=lambda event: float(event["time_s"]))
+    return figures.Scene(of_ticks, goals(found, of_ticks), events, zero_s)
+
+
+def _told(note: dict[str, Any]) -> dict[str, Any]:
+    """What became of a goal, as an event."""
+    words = [note["goal_id"] or "", note.get("outcome") or "", note.get("field") or "", note.get("reason") or ""]
+    return {"time_s": note["time_s"], "code": f"goal.{note['what']}", "text": " ".join(word for word in words if word)}
 
 
 def _colours(which: int) -> str:
@@ -86,7 +94,7 @@ def _number(value: float | None, unit: str, digits: int) -> str:
 def _events(scene: figures.Scene) -> str:
     rows = []
     for event in scene.events:
-        mark = ' class="bad"' if event["code"] in ("reset", "fast_slide", "refused", "record_gap") else ""
+        mark = ' class="bad"' if event["code"] in figures.BAD_NEWS else ""
         time_s = event["time_s"] - scene.zero_s
         rows.append(
             f"<tr{mark}><td>{time_s:.2f} s</td><td>{escape(event['code'])}</td><td>{escape(event['text'])}</td></tr>"

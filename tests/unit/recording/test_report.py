@@ -17,7 +17,7 @@ def goal_notes(made: Recorder) -> None:
     made.goal("submitted", "goal-1", {"waypoint": {"position": [4.0, 3.0, -5.0]}})
     made.goal("ended", "goal-1", {"outcome": "succeeded", "error_m": 0.12, "error_deg": 1.5})
     made.plan({"goal_id": "goal-1", "spacing_s": 0.1, "positions_ned_m": [[0.0, 0.0, -5.0], [4.0, 3.0, -5.0]]})
-    made.event("goal_refused", "beyond the <fence>")
+    made.goal("refused", None, {"field": "waypoint.position[2]", "reason": "beyond the <fence>"})
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def test_goals_and_events_are_told_and_escaped(page: str) -> None:
     assert "succeeded" in page
     assert "<td>waypoint</td>" in page
     assert "0.12 m, 1.5°" in page
-    assert "beyond the &lt;fence&gt;" in page
+    assert "<td>goal.refused</td><td>waypoint.position[2] beyond the &lt;fence&gt;</td>" in page
 
 
 def test_pictures_are_written_beside_the_page(folder: Path) -> None:
