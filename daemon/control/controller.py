@@ -72,12 +72,12 @@ def step(
         flow = Flow(blind(state, parameters=p), state.memory, ControlRecord())
         last = state.setpoint or flow.setpoint
     else:
-        predicted = replace(predicted, attitude_wb=normalized(predicted.attitude_wb))
         last = state.setpoint or match(state, predicted, parameters=p)
         if "reference" in refused:
             flow = Flow(level(state, predicted, parameters=p), state.memory, ControlRecord())
         else:
-            flow = fly(model, state.memory, _unbiased(predicted, estimate, model), reference, dt_s, p)
+            seen_s = predicted.time_s if "estimate" in refused else estimate.time_s
+            flow = fly(model, state.memory, _unbiased(predicted, seen_s, model), reference, dt_s, p)
     setpoint, limited = _limited(flow.setpoint, last, model.hover_thrust, dt_s, p)
     time_s = state.time_s if "predicted" in refused else predicted.time_s
     model = vehicle_model.commanded(model, time_s, setpoint.thrust)
@@ -131,14 +131,17 @@ def shifted(state: ControlState, reset: Reset) -> ControlState:
     return replace(state, model=vehicle_model.shifted(state.model, reset), memory=memory)
 
 
-def _unbiased(predicted: EstimatedState, estimate: EstimatedState, model: VehicleModel) -> EstimatedState:
-    """The predicted state with the velocity at which the measured position moves."""
+def _unbiased(predicted: EstimatedState, seen_s: float, model: VehicleModel) -> EstimatedState:
+    """The state predicted from ``seen_s``, with a unit quaternion and the velocity at which the position moves."""
     bias = model.velocity_bias_ned_m_s
-    ahead_s = clamp(predicted.time_s - estimate.time_s, 0.0, RESTART_S)
-    return replace(
-        predicted,
-        position_ned_m=subtract(predicted.position_ned_m, scale(bias, ahead_s)),
-        velocity_ned_m_s=subtract(predicted.velocity_ned_m_s, bias),
+    ahead_s = clamp(predicted.time_s - seen_s, 0.0, RESTART_S)
+    return EstimatedState(
+        predicted.time_s,
+        subtract(predicted.position_ned_m, scale(bias, ahead_s)),
+        subtract(predicted.velocity_ned_m_s, bias),
+        normalized(predicted.attitude_wb),
+        predicted.rates_frd_rad_s,
+        predicted.position_variance_m2,
     )
 
 

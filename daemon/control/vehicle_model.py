@@ -10,7 +10,7 @@ from daemon.control.parameters import ControlParameters
 from daemon.frames import add, clamp, down_axis, norm, normalized, rotate_about_down, scale, tilt_of
 from daemon.messages import ZERO3, EstimatedState, Quat, Reset, Vec3
 
-_MEMORY_S = 0.5  # commands that acted longer ago than this are forgotten
+_MEMORY_S = 0.3  # commands that acted longer ago than this are forgotten
 _AT_REST_M_S = 0.5  # below it a vehicle that we take over is believed to hover
 _HOVER_RANGE = (0.02, 0.98)  # hover thrust of any vehicle that flies
 
@@ -43,8 +43,13 @@ class VehicleModel:
 
 def commanded(model: VehicleModel, acts_s: float, thrust: float) -> VehicleModel:
     """The model after a thrust command that acts at ``acts_s``."""
-    kept = tuple(c for c in model.commands if acts_s - _MEMORY_S < c[0] < acts_s)
-    return replace(model, commands=(*kept, (acts_s, thrust)))
+    commands = model.commands
+    first, end = 0, len(commands)
+    while first < end and commands[first][0] <= acts_s - _MEMORY_S:
+        first += 1
+    while first < end and commands[end - 1][0] >= acts_s:
+        end -= 1
+    return replace(model, commands=(*commands[first:end], (acts_s, thrust)))
 
 
 def observed(model: VehicleModel, estimate: EstimatedState, p: ControlParameters) -> VehicleModel:
@@ -116,10 +121,10 @@ def _acceleration(thrust: float, hover: float, attitude_wb: Quat, velocity: Vec3
 def _lagged_thrust(model: VehicleModel, time_s: float, dt_s: float, p: ControlParameters) -> float:
     """The thrust command as the rotors have followed it until ``time_s``; hover thrust before the first command."""
     acting = model.hover_thrust
-    for acts_s, thrust in model.commands:
-        if acts_s > time_s:
+    for acts_s, thrust in reversed(model.commands):
+        if acts_s <= time_s:
+            acting = thrust
             break
-        acting = thrust
     if model.thrust is None or dt_s > observer.STEP_MAX_S or p.thrust_lag_s <= 0.0:
         return acting
     return acting + (model.thrust - acting) * exp(-dt_s / p.thrust_lag_s)

@@ -146,6 +146,13 @@ def test_bad_inputs_are_named() -> None:
         assert controller.step(state, estimate, predicted, wanted, DT, parameters=P)[2].refused == names
 
 
+@pytest.mark.parametrize("time_s", [nan, 1.0])
+def test_bad_estimate_does_not_stop_the_law_from_flying_on_the_prediction(time_s: float) -> None:
+    bad, good = at(time_s, velocity=(nan, 0.0, 0.0)), at(1.02, position=(2.5, -2.0, -10.0))
+    _, setpoint, _ = controller.step(controller.initial(P), bad, good, Reference(1.02, HERE), DT, parameters=P)
+    assert setpoint.rates_frd_rad_s[1] < -0.1
+
+
 def test_without_a_reference_the_vehicle_is_levelled() -> None:
     tilted = at(1.0, attitude=frames.from_rpy(0.3, 0.0, 1.0))
     _, setpoint, _ = controller.step(

@@ -68,8 +68,11 @@ def test_sample_that_is_not_newer_changes_nothing() -> None:
     assert vehicle_model.observed(model, sample(1.0, (5.0, 0.0, 0.0)), P) is model
 
 
-def test_old_commands_are_forgotten() -> None:
+def test_old_commands_are_forgotten_and_overtaken_ones_dropped() -> None:
     model = VehicleModel(hover_thrust=0.5)
     for i in range(500):
         model = vehicle_model.commanded(model, i * DT, 0.5)
-    assert len(model.commands) <= 51
+    assert 25 <= len(model.commands) <= 31
+    model = vehicle_model.commanded(model, 4.9, 0.6)
+    times = [acts_s for acts_s, _ in model.commands]
+    assert times == sorted(times) and times[-1] == 4.9 and model.commands[-1][1] == 0.6
