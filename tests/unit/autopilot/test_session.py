@@ -385,7 +385,7 @@ def test_a_stamp_that_stands_still_passes_on_for_others_to_judge(session: Px4Ses
     assert session.odometry.version == 3
 
 
-def test_a_mode_can_be_asked_for_while_nothing_is_heard_but_not_before_the_vehicle_is_known(session: Px4Session) -> None:
+def test_a_mode_can_be_asked_for_while_nothing_is_heard_but_not_of_a_stranger(session: Px4Session) -> None:
     assert Px4Session().mode_message(FlightMode.HOLD) is None
     session.poll(10.0)
     assert not session.status.value.connected
