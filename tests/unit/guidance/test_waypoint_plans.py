@@ -228,6 +228,7 @@ def test_a_hold_that_meets_a_velocity_reset_takes_it_out_again_smoothly(checks: 
         assert abs(reference.acceleration_ned_m_s2[0]) <= 1.0
         checks.derivatives_agree(held, 7.0 + 0.05 * i)
     assert held.sample(held.end_s).position_ned_m == pytest.approx((1.0, 0.0, 0.0))
+    assert held.target.yaw_rad == pytest.approx(0.3)
 
 
 def test_window_is_spaced_for_the_control_task_and_progress_runs_from_zero_to_one() -> None:
@@ -263,3 +264,14 @@ def test_without_yaw_the_heading_stays_and_forward_heading_looks_ahead() -> None
     ahead = WaypointGoal(position_ned_m=(-5.0, 0.0, 0.0), mode=WaypointMode.FORWARD_HEADING)
     assert plan(start, keep, MotionLimits(), GuidanceParameters()).target.yaw_rad == pytest.approx(0.7)
     assert abs(plan(start, ahead, MotionLimits(), GuidanceParameters()).target.yaw_rad) == pytest.approx(pi)
+
+
+@settings(max_examples=30, deadline=None)
+@given(limits=motion_limits, goal=NED)
+def test_a_start_at_rest_does_not_overshoot(limits: MotionLimits, goal: tuple[float, float, float]) -> None:
+    for parameters in PROFILES:
+        flown = plan(rest(), to(goal), limits, parameters)
+        for i in range(60):
+            position = flown.sample(i / 50.0 * flown.end_s).position_ned_m
+            for reached, wanted in zip(position, goal, strict=True):
+                assert min(0.0, wanted) - 1e-3 <= reached <= max(0.0, wanted) + 1e-3
