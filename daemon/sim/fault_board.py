@@ -5,7 +5,7 @@ from heapq import heappop, heappush
 from typing import TYPE_CHECKING
 
 from daemon.sim.faults import FAULTS, Fault, ScheduledFault, SpoiltTelemetry
-from daemon.sim.telemetry import Fields
+from daemon.sim.sample import Fields
 
 if TYPE_CHECKING:
     from daemon.sim.px4 import SimulatedPx4

@@ -5,18 +5,60 @@ In files and at run time a fault is a mapping: ``{fault: gps_loss, duration_s: 1
 """
 
 from dataclasses import dataclass, field, fields
-from math import inf, isfinite, nan, radians
-from typing import TYPE_CHECKING, Any, ClassVar
+from math import inf, isfinite
+from typing import Any
 
-from daemon.messages import ZERO3, FlightMode, Vec3
-from daemon.sim.flight_tasks import Sticks
-from daemon.sim.link_faults import PERFECT, LinkFaults, LinkQuality
-from daemon.sim.modes import ALL_MODES, MANUAL_MODES
-from daemon.sim.telemetry import Fields
-from daemon.sim.wind import Gust
+from daemon.sim.fault import Fault
+from daemon.sim.faults_link import (
+    ClockStep,
+    FrozenTelemetry,
+    Link,
+    NanTelemetry,
+    NoAcks,
+    Reboot,
+    SpoiltTelemetry,
+    StoppedTelemetry,
+)
+from daemon.sim.faults_vehicle import (
+    ArmingRefused,
+    BatteryLow,
+    EkfReset,
+    GpsLoss,
+    KillSwitch,
+    ModesRefused,
+    MotorEfficiency,
+    Payload,
+    PilotTakesOver,
+    SteadyWind,
+    WindGust,
+)
 
-if TYPE_CHECKING:
-    from daemon.sim.px4 import SimulatedPx4
+__all__ = [
+    "FAULTS",
+    "ArmingRefused",
+    "BatteryLow",
+    "ClockStep",
+    "EkfReset",
+    "Fault",
+    "FrozenTelemetry",
+    "GpsLoss",
+    "KillSwitch",
+    "Link",
+    "ModesRefused",
+    "MotorEfficiency",
+    "NanTelemetry",
+    "NoAcks",
+    "Payload",
+    "PilotTakesOver",
+    "Reboot",
+    "ScheduledFault",
+    "SpoiltTelemetry",
+    "SteadyWind",
+    "StoppedTelemetry",
+    "WindGust",
+    "from_mapping",
+    "scenario",
+]
 
 _RANGES = {
     "delay_s": (0.0, 60.0),
@@ -33,343 +75,6 @@ _RANGES = {
     "turbulence_m_s": (0.0, 50.0),
     "yaw": (-1.0, 1.0),
 }
-_MODES = tuple(mode.value for mode in ALL_MODES)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fault:
-    """``duration_s``: None lasts until it is cleared."""
-
-    duration_s: float | None = None
-    lasts: ClassVar[bool] = True
-
-    def check(self, px4: "SimulatedPx4") -> None:
-        """Raise ValueError when it does not fit the vehicle."""
-
-    def begin(self, px4: "SimulatedPx4") -> None:
-        """Make it happen."""
-
-    def end(self, px4: "SimulatedPx4") -> None:
-        """Undo it."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Link(Fault):
-    """A bad link; ``direction`` is ``up`` (to PX4), ``down`` (from PX4) or ``both``."""
-
-    direction: str = "both"
-    silent: bool = False
-    loss: float = 0.0
-    delay_s: float = 0.0
-    jitter_s: float = 0.0
-    reordering: float = 0.0
-
-    def __post_init__(self) -> None:
-        _one_of("direction", self.direction, ("up", "down", "both"))
-
-    def begin(self, px4: "SimulatedPx4") -> None:
-        """Replace the link's quality."""
-        names = ("silent", "loss", "delay_s", "jitter_s", "reordering")
-        for link in self._links(px4):
-            link.quality = LinkQuality(**{name: getattr(self, name) for name in names})
-
-    def end(self, px4: "SimulatedPx4") -> None:
-        """A perfect link again."""
-        for link in self._links(px4):
-            link.quality = PERFECT
-
-    def _links(self, px4: "SimulatedPx4") -> list[LinkFaults]:
-        return [link for name, link in px4.links.items() if self.direction in (name, "both")]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SpoiltTelemetry(Fault):
-    """Base of what happens to messages on their way out."""
-
-    messages: tuple[str, ...] = ("ODOMETRY",)
-
-    def spoil(self, fields: Fields, first: Fields) -> Fields | None:
-        """The message instead of ``fields``; ``first`` was the first one since the fault began. None: not sent."""
-        return fields
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FrozenTelemetry(SpoiltTelemetry):
-    """Messages come with the values they had; ``stamps_advance``: with new stamps, as a stuck estimator sends them."""
-
-    stamps_advance: bool = True
-
-    def spoil(self, fields: Fields, first: Fields) -> Fields | None:
-        """The first message again."""
-        advancing = ("time_usec", "time_boot_ms") if self.stamps_advance else ()
-        return first | {key: fields[key] for key in advancing if key in fields}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NanTelemetry(SpoiltTelemetry):
-    """Every float of the messages is NaN."""
-
-    def spoil(self, fields: Fields, first: Fields) -> Fields | None:
-        """NaN for every float."""
-        return {key: _nan(value) for key, value in fields.items()}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StoppedTelemetry(SpoiltTelemetry):
-    """The messages do not come."""
-
-    def spoil(self, fields: Fields, first: Fields) -> Fields | None:
-        """Nothing."""
-        return None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ClockStep(Fault):
-    """The autopilot's clock jumps by ``step_s``, forwards or backwards."""
-
-    lasts: ClassVar[bool] = False
-
-    step_s: float = 1.0
-
-    def begin(self, px4: "SimulatedPx4") -> None:
-        """Step."""
-        px4.clock_offset_us += round(self.step_s * 1e6)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reboot(Fault):
-    """The autopilot starts anew: motors off, clock at zero."""
-
-    lasts: ClassVar[bool] = False
-
-    def begin(self, px4: "SimulatedPx4") -> None:
-        """Reboot at the end of this step."""
-        px4.reboot_soon = True
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EkfReset(Fault):
-    """A reset of the estimate. ``kind``: position_ne, position_d, velocity_ne, velocity_d, heading.
-
-    ``size_m`` or ``size_m_s`` go north (or down), ``size_deg`` clockwise. ``origin``: a position reset for good, as
-    by a new origin; otherwise GPS pulls the estimate back.
-    """
-
-    lasts: ClassVar[bool] = False
-
-    kind: str = "position_ne"
-    size_m: float = 1.0
-    size_m_s: float = 0.5
-    size_deg: float = 20.0
-    origin: bool = True
-
-    def __post_init__(self) -> None:
-        _one_of("kind", self.kind, ("position_ne", "position_d", "velocity_ne", "velocity_d", "heading"))
-
-    def begin(self, px4: "SimulatedPx4") -> None:
-        """Reset now."""
-        estimator = px4.estimator
-        if self.kind in ("position_ne", "position_d"):
-            jump: Vec3 = (self.size_m, 0.0, 0.0) if self.kind == "position_ne" else (0.0, 0.0, self.size_m)
-            if self.origin:
-                estimator.move_origin((-jump[0], -jump[1], -jump[2]))
-            else:
-                estimator.offset_position(jump, 1)
-        elif self.kind in ("velocity_ne", "velocity_d"):
-            speed = self.size_m_s
-            estimator.offset_velocity((speed, 0.0, 0.0) if self.kind == "velocity_ne" else (0.0, 0.0, speed))
-        else:
-            estimator.turn_heading(radians(self.size_deg))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GpsLoss(Fault):
-    """No satellites: the estimate drifts off while it looks calm, and jumps back when they return."""
-
-    def begin(self, px4: "SimulatedPx4") -> None:
-        """Lose GPS."""
-        px4.parameters.set("SIM_GPS_USED", 0)
-
-    def end(self, px4: "SimulatedPx4") -> None:
-        """GPS is back."""
-        px4.parameters.set("SIM_GPS_USED", 10)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SteadyWind(Fault):
-    """Wind of this velocity (where it blows to, NED), with turbulence of this standard deviation."""
-
-    north_m_s: float = 0.0
-    east_m_s: float = 0.0
-    down_m_s: float = 0.0
-    turbulence_m_s: float = 0.0
-
-    def begin(self, px4: "SimulatedPx4") -> None:
-        """Blow."""
-        px4.wind.steady_ned_m_s = (self.north_m_s, self.east_m_s, self.down_m_s)
-        px4.wind.turbulence_m_s = self.turbulence_m_s
-
-    def end(self, px4: "SimulatedPx4") -> None:
-        """Calm."""
-        px4.wind.steady_ned_m_s, px4.wind.turbulence_m_s = ZERO3, 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WindGust(Fault):
-    """One gust with this peak; ``duration_s`` is its length (2 s when not given)."""
-
-    lasts: ClassVar[bool] = False
-
-    north_m_s: float = 0.0
-    east_m_s: float = 0.0
-    down_m_s: float = 0.0
-
-    def begin(self, px4: "SimulatedPx4") -> None:
-        """Begin the gust."""
-        px4.wind.gust(Gust((self.north_m_s, self.east_m_s, self.down_m_s), self.duration_s or 2.0))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MotorEfficiency(Fault):
-    """A rotor (0 to 3, PX4's order) gives this share of its thrust."""
-
-    rotor: int = 0
-    efficiency: float = 0.8
-
-    def check(self, px4: "SimulatedPx4") -> None:
-        """There must be such a rotor."""
-        if not 0 <= self.rotor < len(px4.rotor_efficiency):
-            raise ValueError(f"rotor: {self.rotor} is not in 0 to {len(px4.rotor_efficiency) - 1}")
-
-    def begin(self, px4: "SimulatedPx4") -> None:
-        """Weaken it."""
-        self._set(px4, self.efficiency)
-
-    def end(self, px4: "SimulatedPx4") -> None:
-        """Whole again."""
-        self._set(px4, 1.0)
-
-    def _set(self, px4: "SimulatedPx4", efficiency: float) -> None:
-        values = list(px4.rotor_efficiency)
-        values[self.rotor] = efficiency
-        px4.rotor_efficiency = tuple(values)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Payload(Fault):
-    """More mass at the centre."""
-
-    mass_kg: float = 0.2
-
-    def begin(self, px4: "SimulatedPx4") -> None:
-        """Take it on."""
-        px4.payload_kg = self.mass_kg
-
-    def end(self, px4: "SimulatedPx4") -> None:
-        """Drop it."""
-        px4.payload_kg = 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BatteryLow(Fault):
-    """The charge falls to this fraction at once; ``failsafe``: PX4 acts on it (COM_LOW_BAT_ACT 3)."""
-
-    fraction: float = 0.14
-    failsafe: bool = True
-
-    def begin(self, px4: "SimulatedPx4") -> None:
-        """Empty it."""
-        px4.battery.set(self.fraction)
-        if self.failsafe:
-            px4.parameters.set("CBRK_SUPPLY_CHK", 0)
-            px4.parameters.set("COM_LOW_BAT_ACT", 3)
-
-    def end(self, px4: "SimulatedPx4") -> None:
-        """Full again."""
-        px4.battery.set(1.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PilotTakesOver(Fault):
-    """A pilot switches the mode (``hold``, ``position``, ``land`` ...) and, in manual modes, has the sticks."""
-
-    lasts: ClassVar[bool] = False
-
-    mode: str = "position"
-    forward: float = 0.0
-    right: float = 0.0
-    throttle: float = 0.5
-    yaw: float = 0.0
-
-    def __post_init__(self) -> None:
-        _one_of("mode", self.mode, _MODES)
-
-    def begin(self, px4: "SimulatedPx4") -> None:
-        """Switch."""
-        mode = FlightMode(self.mode)
-        if mode in MANUAL_MODES:
-            px4.parameters.set("COM_RC_IN_MODE", 1)
-            px4.receiver.pilot_holds(Sticks(self.forward, self.right, self.throttle, self.yaw))
-        px4.pilot_switches_to(mode)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class KillSwitch(Fault):
-    """Motors stop at once, wherever the vehicle is."""
-
-    def begin(self, px4: "SimulatedPx4") -> None:
-        """Kill."""
-        px4.commander.kill(True)
-
-    def end(self, px4: "SimulatedPx4") -> None:
-        """Release the switch."""
-        px4.commander.kill(False)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ArmingRefused(Fault):
-    """Arming is denied."""
-
-    def begin(self, px4: "SimulatedPx4") -> None:
-        """Refuse."""
-        px4.commander.refuse_arming = True
-
-    def end(self, px4: "SimulatedPx4") -> None:
-        """Allow."""
-        px4.commander.refuse_arming = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ModesRefused(Fault):
-    """These modes are refused (first ack accepted, second not, as PX4 does)."""
-
-    modes: tuple[str, ...] = ("offboard",)
-
-    def __post_init__(self) -> None:
-        for mode in self.modes:
-            _one_of("modes", mode, _MODES)
-
-    def begin(self, px4: "SimulatedPx4") -> None:
-        """Refuse."""
-        px4.commander.refused_modes |= {FlightMode(mode) for mode in self.modes}
-
-    def end(self, px4: "SimulatedPx4") -> None:
-        """Allow."""
-        px4.commander.refused_modes -= {FlightMode(mode) for mode in self.modes}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NoAcks(Fault):
-    """Commands are carried out and never acknowledged."""
-
-    def begin(self, px4: "SimulatedPx4") -> None:
-        """Fall silent."""
-        px4.commander.silent = True
-
-    def end(self, px4: "SimulatedPx4") -> None:
-        """Acknowledge again."""
-        px4.commander.silent = False
-
 
 FAULTS: dict[str, type[Fault]] = {
     "arming_refused": ArmingRefused,
@@ -399,19 +104,6 @@ class ScheduledFault:
 
     at_s: float
     fault: Fault = field(default_factory=Fault)
-
-
-def _nan(value: object) -> object:
-    if isinstance(value, float):
-        return nan
-    if isinstance(value, list) and value and isinstance(value[0], float):
-        return [nan] * len(value)
-    return value
-
-
-def _one_of(name: str, value: str, known: tuple[str, ...]) -> None:
-    if value not in known:
-        raise ValueError(f"{name}: {value!r} is none of {', '.join(known)}")
 
 
 def from_mapping(data: dict[str, Any]) -> Fault:

@@ -4,12 +4,10 @@ Behaviour follows recordings of PX4 1.17 SITL (see docs/simulator.md for what wa
 """
 
 import struct
-from collections import deque
 from math import isfinite
 
 from daemon.frames import from_yaw
 from daemon.messages import ZERO3, FlightMode, GlobalPosition, Setpoint, Vec3
-from daemon.sim import telemetry
 from daemon.sim.airframe import Airframe
 from daemon.sim.announcer import Announcer
 from daemon.sim.battery import BatteryState
@@ -24,9 +22,9 @@ from daemon.sim.noise import normals
 from daemon.sim.parameters import Parameters
 from daemon.sim.rate_control import RateLoop
 from daemon.sim.receiver import Receiver
+from daemon.sim.sample import Fields, Sample
+from daemon.sim.sender import Sender
 from daemon.sim.sensors import Sensors, global_of
-from daemon.sim.streams import Streams
-from daemon.sim.telemetry import Fields, Sample
 from daemon.sim.vehicle import Surroundings, VehicleState, step
 from daemon.sim.wind import Wind
 
@@ -35,15 +33,11 @@ STEP_S = 0.004
 DEFAULT_HOME = GlobalPosition(47.397742, 8.545594, 489.4)
 _COMMANDER_US = 10_000
 _ESTIMATOR_STEPS = 2
-_ODOMETRY_AGE_US = 12_000  # an estimate has made its way to the sender after this
-_ATTITUDE_STEPS = 3  # attitude and IMU samples of the last steps: the oldest, 8 ms ago, is what is being sent
 _STATUS_STEPS = 125  # vehicle_status is published at 2 Hz and on every change
 _HEADING_STABLE_S = 2.0  # after boot
 _ARMABLE_S = 5.0
 _SILENT_AFTER_BOOT_S = 1.5
 _STAYS_DOWN = frozenset((FlightMode.HOLD, FlightMode.LAND, FlightMode.RETURN, FlightMode.UNKNOWN))
-_FAST = frozenset(("ATTITUDE", "ATTITUDE_QUATERNION", "HIGHRES_IMU"))
-_SAMPLED = _FAST | {"ODOMETRY", "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT"}
 
 
 class SimulatedPx4:
@@ -145,10 +139,10 @@ class SimulatedPx4:
         if self.simulated_us >= self._next_commander_us:
             self._next_commander_us += _COMMANDER_US
             self._command()
-        self._past.append(self.present)
+        self.sender.note_sensors()
         self.receiver.echo_parameters()
         if self.uptime_s > self._silent_until_s:
-            self._stream()
+            self.sender.step()
         if self.reboot_soon:
             self.reboot()
 
@@ -228,7 +222,7 @@ class SimulatedPx4:
         chance = next(self._draw) if self._noise else 1.0
         self.commander = Commander(self.parameters, self.announcer, self.send, patience(chance))
         self.receiver = Receiver(self)
-        self.streams = Streams()
+        self.sender = Sender(self)
         self.estimator = Estimator(self._draw, noise=self._noise)
         self.tasks = FlightTasks(self.parameters)
         self.rate_loop = RateLoop(self.airframe, self.parameters["THR_MDL_FAC"])
@@ -237,10 +231,6 @@ class SimulatedPx4:
         self._attitude_setpoint_ms = 0
         self._fusing = True
         self._flown_mode: FlightMode | None = None
-        self._history: deque[Sample] = deque(maxlen=8)
-        self._past: deque[Sample] = deque(maxlen=_ATTITUDE_STEPS)
-        self._sent_us: dict[str, int] = {}
-        self._status_us = 0
         self.home_local_m: Vec3 = ZERO3
         self.home_global = self.home
         self.estimator.step(self.truth, self.time_us)
@@ -273,7 +263,7 @@ class SimulatedPx4:
             self.tasks.shift(jump)
         if self.estimator.jumps:
             self.estimator.jumps.clear()
-        self._history.append(self.present)
+        self.sender.note_estimate()
         mode = self.commander.task
         if mode is not self._flown_mode:
             self._enter(mode)
@@ -322,7 +312,7 @@ class SimulatedPx4:
         self.estimator.gps = self.parameters["SIM_GPS_USED"] > 0
         if commander.changed or self._steps % _STATUS_STEPS < 3:
             commander.changed = False
-            self._status_us = self.time_us
+            self.sender.status_us = self.simulated_us
 
     def _look(self) -> None:
         """What the commander sees."""
@@ -353,35 +343,6 @@ class SimulatedPx4:
             ),
             self.home,
         )
-
-    def _stream(self) -> None:
-        """Send what is due and new."""
-        names = self.streams.due(self.simulated_us, self._has_news)
-        for name in names:
-            sample = self._newest(name)
-            self._sent_us[name] = sample.stamp_us
-            fields: Fields | None = telemetry.MESSAGES[name](self, sample)
-            if name in self.faults.spoilt and fields is not None:
-                fields = self.faults.spoil(name, fields)
-            if fields is not None:
-                self.send(name, fields)
-
-    def _has_news(self, name: str) -> bool:
-        if name == "CURRENT_MODE":
-            return self._status_us > self._sent_us.get(name, -1)
-        return name not in _SAMPLED or self._newest(name).stamp_us != self._sent_us.get(name)
-
-    def _newest(self, name: str) -> Sample:
-        """The newest sample that has made its way to the sender of this message."""
-        if name not in _SAMPLED:
-            return self.present
-        if name in _FAST:
-            return self._past[0]
-        until_us = self.time_us - _ODOMETRY_AGE_US
-        for sample in reversed(self._history):
-            if sample.stamp_us <= until_us:
-                return sample
-        return self._history[0] if self._history else self.present
 
 
 def _float32(value: float) -> bytes:

@@ -10,9 +10,10 @@ from daemon.sim.estimator import Estimate
 from daemon.sim.flight_tasks import Sticks
 from daemon.sim.parameters import DOES_NOT_EXIST
 from daemon.sim.position_control import attitude_rates
+from daemon.sim.sample import Fields
 from daemon.sim.sensors import ned_of
 from daemon.sim.streams import TABLE
-from daemon.sim.telemetry import MESSAGES, Fields
+from daemon.sim.telemetry import MESSAGES
 
 if TYPE_CHECKING:
     from daemon.sim.px4 import SimulatedPx4
@@ -130,11 +131,11 @@ class Receiver:
 
     def _set_interval(self, p: tuple[float, ...]) -> int:
         interval_us = p[1] if isfinite(p[1]) else 0.0
-        return ACCEPTED if self._px4.streams.set_interval(integer(p[0]), interval_us) else FAILED
+        return ACCEPTED if self._px4.sender.streams.set_interval(integer(p[0]), interval_us) else FAILED
 
     def _get_interval(self, p: tuple[float, ...]) -> int:
         identifier = integer(p[0])
-        fields = {"message_id": identifier, "interval_us": self._px4.streams.interval(identifier)}
+        fields = {"message_id": identifier, "interval_us": self._px4.sender.streams.interval(identifier)}
         self._px4.send("MESSAGE_INTERVAL", fields)
         return ACCEPTED
 
