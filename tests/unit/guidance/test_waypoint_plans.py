@@ -220,7 +220,8 @@ def test_a_hold_that_meets_a_velocity_reset_takes_it_out_again_smoothly(checks: 
     held = (
         brake(rest(), MotionLimits())
         .shifted(ZERO3, (0.5, 0.0, 0.0), 0.0, 7.0)
-        .shifted((1.0, 0.0, 0.0), ZERO3, 0.0, 7.5)
+        .shifted((1.0, 0.0, 0.0), ZERO3, 0.2, 7.5)
+        .shifted(ZERO3, ZERO3, 0.1, 7.6)
     )
     assert held.sample(7.0).velocity_ned_m_s == pytest.approx((0.5, 0.0, 0.0))
     for i in range(1, 80):
