@@ -22,16 +22,15 @@ def part_path(directory: Path, flight: str, part: int) -> Path:
     return directory / f"{flight}-part{part}.mcap"
 
 
-def make_room(directory: Path, keep_bytes: int, spare: Path | None = None) -> list[Path]:
-    """Remove the oldest records until all together fit; other files and ``spare`` are left alone. Returns them."""
+def make_room(directory: Path, keep_bytes: int) -> list[Path]:
+    """Remove the oldest records until all together fit, and return them; other files are left alone."""
     records = sorted((f.stat().st_mtime, f.name, f) for f in directory.iterdir() if _NAME.fullmatch(f.name))
     total = sum(f.stat().st_size for _, _, f in records)
     removed: list[Path] = []
     for _, _, file in records:
         if total <= keep_bytes:
             break
-        if file != spare:
-            total -= file.stat().st_size
-            file.unlink()
-            removed.append(file)
+        total -= file.stat().st_size
+        file.unlink()
+        removed.append(file)
     return removed

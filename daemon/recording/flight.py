@@ -10,6 +10,7 @@ import numpy as np
 from mcap.exceptions import EndOfFile, McapError
 from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
+from zstandard import ZstdError
 
 from daemon.recording import layout
 from daemon.recording.codec import RecordError
@@ -98,7 +99,9 @@ def messages(file: Path) -> Iterator[Part]:
         return
     except OSError as error:
         raise RecordError(f"{file}: {error.strerror}") from None
-    except (McapError, KeyError, UnicodeDecodeError) as error:
+    except (McapError, ZstdError, KeyError, UnicodeDecodeError) as error:
+        if channels:  # what power loss leaves of the last blocks need not be a record
+            return
         raise RecordError(f"{file}: not a flight record ({error})") from None
 
 

@@ -43,6 +43,17 @@ def test_a_record_that_power_loss_cuts_off_is_read_to_its_last_second(record: Ru
     assert read == sorted(read)
 
 
+@pytest.mark.parametrize("rest", [bytes(50_000), b"\xff" * 50_000])
+def test_blocks_that_power_loss_left_unwritten_end_the_record(
+    record: Run, tmp_path: Path, rest: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "FLUSH_S", 0.0)
+    whole = record(400)[0].read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[: len(whole) // 2] + rest)
+    assert len(flight.load([cut]).ticks.rows) > 50
+
+
 def test_the_disk_has_all_but_the_last_second_while_the_flight_goes_on(
     tmp_path: Path, fly: Callable[..., None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
