@@ -75,7 +75,12 @@ async def test_errors_are_exceptions_with_field_and_reason(path):
 async def test_observer_reads_but_does_not_act(path):
     async with serving(path, observers=True) as daemon, FlightClient(path) as flight:
         assert (await flight.status())["state"] == "ready"
-        for act in (flight.goto(1, 0, -5), flight.land(), flight.cancel(), flight.set_config("guidance.limits.speed_m_s", 1.0)):
+        for act in (
+            flight.goto(1, 0, -5),
+            flight.land(),
+            flight.cancel(),
+            flight.set_config("guidance.limits.speed_m_s", 1.0),
+        ):
             with pytest.raises(NotPermittedError):
                 await act
         assert daemon.calls == [] and daemon.setting["value"] == 5.0
