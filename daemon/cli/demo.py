@@ -83,9 +83,8 @@ async def _fly(out: Path, px4: str | None) -> tuple[list[Result], list[Path]]:
                 tell("daemon and simulated PX4 started" if px4 is None else "daemon started", True)
                 results = await _unless_ended(_session(socket, tell), children)
                 tell("stopping", False)
-        except TimeoutError as error:
-            reason = error.__cause__.args[0] if error.__cause__ and error.__cause__.args else ""
-            raise DemoError(f"took too long ({reason or 'no reason known'}); logs are in {out}") from None
+        except TimeoutError:
+            raise DemoError(f"took too long: {status.status}; logs are in {out}") from None
     files = sorted(set(records.glob("*.mcap")) - before)
     if not files:
         raise DemoError(f"the daemon wrote no flight record into {records}")

@@ -78,8 +78,7 @@ async def fly(client: FlightClient, tell: Tell) -> list[Result]:
     await _connected(client)
     tell("autopilot connected", True)
     tell(f"taking off to {TAKEOFF_M:g} m", False)
-    async with asyncio.timeout(TAKEOFF_S):
-        await _take_off(client)
+    await _take_off(client)
     tell("in the air", True)
     flown: list[tuple[Leg, Goal]] = []
     for leg in LEGS:
@@ -127,18 +126,18 @@ async def _connected(client: FlightClient) -> None:
 
 
 async def _take_off(client: FlightClient) -> None:
-    """An autopilot that has just started refuses for want of a position: ask again until the caller's time is up."""
+    """An autopilot that has just started refuses for want of a position: ask again until ``TAKEOFF_S``."""
+    loop = asyncio.get_running_loop()
+    until_s = loop.time() + TAKEOFF_S
     while True:
         try:
             await client.takeoff(TAKEOFF_M)
-        except RequestError as error:
-            last = error
+        except RequestError:
+            if loop.time() > until_s:
+                raise
         else:
             return
-        try:
-            await asyncio.sleep(RETRY_S)
-        except asyncio.CancelledError:
-            raise asyncio.CancelledError(last.reason) from last
+        await asyncio.sleep(RETRY_S)
 
 
 async def _along(leg: Leg, goal: Goal, tell: Tell) -> None:

@@ -1,92 +1,23 @@
 """The report's pictures, each from the traces of a flight."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from daemon.recording import style
-from daemon.recording.analysis import Array, GoalSummary, Traces, spans
-from daemon.recording.style import BAD, FLOWN, FOURTH, GRID, INK, MUTED, THIRD, WANTED, thinned
+from daemon.recording import paths, style
+from daemon.recording.analysis import spans
+from daemon.recording.drawing import MARKED, Scene, stack
+from daemon.recording.style import BAD, FLOWN, FOURTH, INK, MUTED, THIRD, WANTED
 
 _STATE_COLOURS = {"tracking": WANTED, "holding": THIRD, "engaging": FOURTH, "releasing": FLOWN, "fault": BAD}
-_MARKED = {"reset": BAD, "fast_slide": BAD, "record_gap": BAD, "refused": FLOWN, "goal.refused": FLOWN}
-BAD_NEWS = frozenset(_MARKED)
-
-
-@dataclass(frozen=True, slots=True)
-class Scene:
-    """What the pictures show."""
-
-    traces: Traces
-    goals: list[GoalSummary]
-    events: list[dict[str, Any]]
-    zero_s: float
-
-
-def path_3d(scene: Scene) -> Figure:
-    """Flown path and reference in space, with the goals."""
-    t = scene.traces
-    figure = style.figure(5.2)
-    with style.styled():
-        axes: Any = figure.add_subplot(projection="3d")
-        for path, colour, name, width in (
-            (t.reference_m, WANTED, "reference", 2.4),
-            (t.position_m, FLOWN, "flown", 1.2),
-        ):
-            step = max(1, len(path) // 1500)
-            axes.plot(path[::step, 1], path[::step, 0], -path[::step, 2], color=colour, lw=width, label=name)
-        for number, goal in enumerate(scene.goals, 1):
-            if goal.target_ned_m is not None:
-                n, e, d = goal.target_ned_m
-                axes.scatter([e], [n], [-d], color=INK, s=22, depthshade=False)
-                axes.text(e, n, -d, f"  {number}", color=INK)
-        axes.set_xlabel("east, m")
-        axes.set_ylabel("north, m")
-        axes.set_zlabel("up, m")
-        _equal_box(axes, t.position_m)
-        for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-            axis.pane.set_visible(False)
-            axis.line.set_color(GRID)
-            axis._axinfo["grid"].update(color=GRID, linewidth=0.6)
-        axes.legend(loc="upper left")
-    return figure
-
-
-def path_plan(scene: Scene) -> Figure:
-    """Seen from above, and the height over the way that was flown."""
-    t = scene.traces
-    figure = style.figure(4.4)
-    with style.styled():
-        plan, height = figure.subplots(1, 2)
-        for axes, x, y in ((plan, 1, 0), (height, None, 2)):
-            for path, colour, width, name in (
-                (t.reference_m, WANTED, 2.4, "reference"),
-                (t.position_m, FLOWN, 1.2, "flown"),
-            ):
-                across = t.time_s if x is None else path[:, x]
-                up = -path[:, y] if y == 2 else path[:, y]
-                step = max(1, len(up) // 2000)
-                axes.plot(across[::step], up[::step], color=colour, lw=width, label=name)
-        for number, goal in enumerate(scene.goals, 1):
-            if goal.target_ned_m is not None:
-                plan.plot(goal.target_ned_m[1], goal.target_ned_m[0], "o", color=INK, ms=4)
-                plan.annotate(f"{number}", goal.target_ned_m[1::-1], (5, 5), textcoords="offset points", color=INK)
-        plan.set_aspect("equal", adjustable="datalim")
-        plan.set(title="From above", xlabel="east, m", ylabel="north, m")
-        plan.legend(loc="best")
-        height.set(title="Height", xlabel="time, s", ylabel="up, m")
-    return figure
 
 
 def positions(scene: Scene) -> Figure:
     """Position against the reference, axis by axis."""
     t = scene.traces
     sign = np.array([1.0, 1.0, -1.0])
-    return _stack(
+    return stack(
         scene,
         [
             (
@@ -108,7 +39,7 @@ def errors(scene: Scene) -> Figure:
         (t.error_m[:, i], colour, name, 1.0)
         for i, (name, colour) in enumerate(zip(("north", "east", "down"), (WANTED, THIRD, FOURTH), strict=True))
     ]
-    return _stack(
+    return stack(
         scene,
         [
             ("position error, m", [*axes, (t.distance_m, FLOWN, "length", 1.5)]),
@@ -120,7 +51,7 @@ def errors(scene: Scene) -> Figure:
 def attitude(scene: Scene) -> Figure:
     """Attitude against what the control law wanted."""
     t = scene.traces
-    return _stack(
+    return stack(
         scene,
         [
             (f"{name}, °", [(t.desired_rpy_deg[:, i], WANTED, "wanted", 1.6), (t.rpy_deg[:, i], FLOWN, "flown", 1.1)])
@@ -132,7 +63,7 @@ def attitude(scene: Scene) -> Figure:
 def rates(scene: Scene) -> Figure:
     """Body rates against the setpoints that were sent."""
     t = scene.traces
-    return _stack(
+    return stack(
         scene,
         [
             (
@@ -151,7 +82,7 @@ def thrust(scene: Scene) -> Figure:
         (t.disturbance_m_s2[:, i], colour, name, 1.2)
         for i, (name, colour) in enumerate(zip(("north", "east", "down"), (WANTED, THIRD, FOURTH), strict=True))
     ]
-    return _stack(
+    return stack(
         scene,
         [
             ("thrust, 0 to 1", [(t.thrust, FLOWN, "sent", 1.0), (t.hover_thrust, INK, "hover estimate", 1.6)]),
@@ -213,7 +144,7 @@ def timeline(scene: Scene) -> Figure:
             )
             axes.text(end, rows - 1 - number, f"  {goal.outcome or 'active'}", va="center", fontsize=8.5)
         for event in scene.events:
-            colour = _MARKED.get(event["code"], MUTED)
+            colour = MARKED.get(event["code"], MUTED)
             axes.plot(event["time_s"] - scene.zero_s, 0, "|", color=colour, ms=11, mew=1.6)
         labels = ["events", *(f"goal {n}" for n in range(len(scene.goals), 0, -1)), "state"]
         axes.set_yticks(range(rows + 1), labels)
@@ -222,41 +153,10 @@ def timeline(scene: Scene) -> Figure:
     return figure
 
 
-def overview(scene: Scene) -> Figure:
-    """The flight on one picture: path from above and in height, errors over time."""
-    t = scene.traces
-    figure = style.figure(6.4)
-    with style.styled():
-        grid = figure.add_gridspec(2, 2, height_ratios=(3, 2))
-        plan, height = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
-        for path, colour, width, name in (
-            (t.reference_m, WANTED, 2.6, "reference"),
-            (t.position_m, FLOWN, 1.2, "flown"),
-        ):
-            plan.plot(path[:, 1], path[:, 0], color=colour, lw=width, label=name)
-            height.plot(t.time_s, -path[:, 2], color=colour, lw=width, label=name)
-        for number, goal in enumerate(scene.goals, 1):
-            if goal.target_ned_m is not None:
-                plan.plot(goal.target_ned_m[1], goal.target_ned_m[0], "o", color=INK, ms=4)
-                plan.annotate(f"{number}", goal.target_ned_m[1::-1], (5, 5), textcoords="offset points", color=INK)
-        plan.set_aspect("equal", adjustable="datalim")
-        plan.set(title="Path from above", xlabel="east, m", ylabel="north, m")
-        plan.legend(loc="best")
-        height.set(title="Height", xlabel="time, s", ylabel="up, m")
-        error, heading = figure.add_subplot(grid[1, 0]), figure.add_subplot(grid[1, 1])
-        error.plot(*thinned(t.time_s, t.distance_m), color=FLOWN, lw=1.2)
-        heading.plot(*thinned(t.time_s, t.yaw_error_deg), color=FLOWN, lw=1.2)
-        error.set(title="Position error against the reference", xlabel="time, s", ylabel="m", ylim=(0.0, None))
-        heading.set(title="Heading error against the reference", xlabel="time, s", ylabel="°")
-        for axes in (height, error, heading):
-            _mark_goals(axes, scene)
-    return figure
-
-
 PICTURES: dict[str, tuple[str, Callable[[Scene], Figure]]] = {
     "timeline": ("What happened when", timeline),
-    "path_3d": ("Path", path_3d),
-    "path_plan": ("Path from above, and height", path_plan),
+    "path_3d": ("Path", paths.path_3d),
+    "path_plan": ("Path from above, and height", paths.path_plan),
     "positions": ("Position", positions),
     "errors": ("Tracking errors", errors),
     "attitude": ("Attitude", attitude),
@@ -264,60 +164,3 @@ PICTURES: dict[str, tuple[str, Callable[[Scene], Figure]]] = {
     "thrust": ("Thrust, hover estimate, wind", thrust),
     "timing": ("Loop and telemetry timing", timing),
 }
-
-Line = tuple[Array, str, str, float]
-
-
-def _stack(scene: Scene, panels: Sequence[tuple[str, Sequence[Line]]]) -> Figure:
-    """Panels above each other on one time axis, with goals and marked events."""
-    figure = style.figure(0.5 + 1.75 * len(panels))
-    with style.styled():
-        rows = np.atleast_1d(np.asarray(figure.subplots(len(panels), 1, sharex=True)))
-        for axes, (label, lines) in zip(rows, panels, strict=True):
-            for values, colour, name, width in lines:
-                axes.plot(*thinned(scene.traces.time_s, values), color=colour, lw=width, label=name)
-            axes.set_ylabel(label)
-            _mark_goals(axes, scene)
-            _mark_events(axes, scene)
-        rows[0].legend(loc="lower right", ncols=4, bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
-        for axes in rows[1:]:
-            if len(panels[0][1]) != len(panels[-1][1]):
-                axes.legend(loc="best", ncols=4)
-        rows[-1].set_xlabel("time, s")
-        rows[-1].set_xlim(0.0, float(scene.traces.time_s[-1]) or 1.0)
-    return figure
-
-
-def _mark_goals(axes: Axes, scene: Scene) -> None:
-    for number, goal in enumerate(scene.goals, 1):
-        axes.axvline(goal.begin_s, color=MUTED, lw=0.8, ls=(0, (4, 3)))
-        axes.annotate(
-            f"{number}",
-            (goal.begin_s, 1.0),
-            (2, -9),
-            xycoords=("data", "axes fraction"),
-            textcoords="offset points",
-            color=MUTED,
-            fontsize=8.5,
-        )
-
-
-def _mark_events(axes: Axes, scene: Scene) -> None:
-    for event in scene.events:
-        colour = _MARKED.get(event["code"])
-        if colour is not None:
-            axes.axvline(event["time_s"] - scene.zero_s, color=colour, lw=1.0, ls=(0, (1, 2)))
-
-
-def _equal_box(axes: Any, path: Array) -> None:
-    """The same scale on the three axes."""
-    known = path[np.isfinite(path).all(axis=1)]
-    if not len(known):
-        return
-    low, high = known.min(axis=0), known.max(axis=0)
-    half = 0.5 * np.maximum(high - low, 1.0) + 0.5
-    middle = 0.5 * (low + high)
-    axes.set_xlim(middle[1] - half[1], middle[1] + half[1])
-    axes.set_ylim(middle[0] - half[0], middle[0] + half[0])
-    axes.set_zlim(-middle[2] - half[2], -middle[2] + half[2])
-    axes.set_box_aspect((half[1], half[0], half[2]))

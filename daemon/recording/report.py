@@ -5,8 +5,9 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from daemon.recording import figures, flight, style
+from daemon.recording import figures, flight, paths, style
 from daemon.recording.analysis import GoalSummary, goals, summary, traces
+from daemon.recording.drawing import MARKED, Scene
 from daemon.recording.flight import Flight
 
 PAGE = Path(__file__).with_name("report.html")
@@ -25,7 +26,7 @@ def write_report(files: list[Path], directory: Path) -> Path:
         picture = draw(scene)
         (directory / f"{name}.png").write_bytes(style.png(picture))
         sections.append(f'<section><h2 id="{name}">{title}</h2>\n{style.svg(picture, name)}</section>')
-    (directory / "flight.png").write_bytes(style.png(figures.overview(scene)))
+    (directory / "flight.png").write_bytes(style.png(paths.overview(scene)))
     page = Template(PAGE.read_text()).substitute(
         title=escape(f"Flight {found.about.get('flight', files[0].stem)}"),
         light=_colours(0),
@@ -41,12 +42,12 @@ def write_report(files: list[Path], directory: Path) -> Path:
     return file
 
 
-def scene_of(found: Flight) -> figures.Scene:
+def scene_of(found: Flight) -> Scene:
     """Traces, goals and events of a flight."""
     of_ticks = traces(found)
     zero_s = float(found.ticks["now_s"][0])
     events = sorted([*found.events, *map(_told, found.goals)], key=lambda event: float(event["time_s"]))
-    return figures.Scene(of_ticks, goals(found, of_ticks), events, zero_s)
+    return Scene(of_ticks, goals(found, of_ticks), events, zero_s)
 
 
 def _told(note: dict[str, Any]) -> dict[str, Any]:
@@ -91,10 +92,10 @@ def _number(value: float | None, unit: str, digits: int) -> str:
     return "–" if value is None else f"{value:.{digits}f}{space}{unit}"
 
 
-def _events(scene: figures.Scene) -> str:
+def _events(scene: Scene) -> str:
     rows = []
     for event in scene.events:
-        mark = ' class="bad"' if event["code"] in figures.BAD_NEWS else ""
+        mark = ' class="bad"' if event["code"] in MARKED else ""
         time_s = event["time_s"] - scene.zero_s
         rows.append(
             f"<tr{mark}><td>{time_s:.2f} s</td><td>{escape(event['code'])}</td><td>{escape(event['text'])}</td></tr>"
