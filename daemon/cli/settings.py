@@ -58,5 +58,6 @@ def register(app: typer.Typer) -> None:
     """Add the commands."""
     settings = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Read and change settings.")
     settings.command(epilog=examples("flightd config get guidance.limits.speed_m_s"))(get)
-    settings.command("set", cls=NumbersCommand, epilog=examples("flightd config set guidance.limits.speed_m_s 3"))(change)
+    set_examples = examples("flightd config set guidance.limits.speed_m_s 3")
+    settings.command("set", cls=NumbersCommand, epilog=set_examples)(change)
     app.add_typer(settings, name="config")

@@ -44,7 +44,8 @@ def test_fly_submits_the_shape(flightd, path):
 
 def test_config_shows_and_changes_within_the_range(flightd, path):
     with serving_in_thread(path):
-        assert flightd("config", "get", "guidance.limits.speed_m_s").out == "guidance.limits.speed_m_s = 5.0 m/s (0.1 to 25 m/s)\n"
+        shown = flightd("config", "get", "guidance.limits.speed_m_s").out
+        assert shown == "guidance.limits.speed_m_s = 5.0 m/s (0.1 to 25 m/s)\n"
         assert json.loads(flightd("config", "set", "guidance.limits.speed_m_s", "3.5", "--json").out)["value"] == 3.5
         refused = flightd("config", "set", "guidance.limits.speed_m_s", "-3")
     assert refused.returncode == 2
