@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from daemon.frames import add
 from daemon.messages import GlobalPosition, Quat, Setpoint
-from daemon.sim.commander import ACCEPTED, DENIED, FAILED, TEMPORARILY_REJECTED, Command, integer
+from daemon.sim.commands import ACCEPTED, DENIED, FAILED, TEMPORARILY_REJECTED, Command, integer
 from daemon.sim.estimator import Estimate
 from daemon.sim.flight_tasks import Sticks
 from daemon.sim.parameters import DOES_NOT_EXIST

@@ -54,7 +54,7 @@ def sys_status(px4: "SimulatedPx4", sample: Sample) -> Fields:
         health &= ~_HEALTH_POSITION
     if px4.estimator.heading_fault:
         health &= ~(_HEALTH_MAG | _HEALTH_PREARM)
-    if commander.battery_warning:
+    if commander.monitor.battery_warning:
         health &= ~_HEALTH_BATTERY
     return {
         "onboard_control_sensors_present": _SENSORS_PRESENT,
@@ -90,7 +90,7 @@ def battery_status(px4: "SimulatedPx4", sample: Sample) -> Fields:
         "energy_consumed": -1,
         "battery_remaining": round(battery.fraction * 100.0),
         "time_remaining": 0,
-        "charge_state": 1 + int(px4.commander.battery_warning),
+        "charge_state": 1 + int(px4.commander.monitor.battery_warning),
         "voltages_ext": [0, 0, 0, 0],
         "mode": 0,
         "fault_bitmask": 0,
