@@ -174,7 +174,7 @@ def _solve(wanted: ruckig.InputParameter) -> ruckig.Trajectory | None:
     trajectory = ruckig.Trajectory(4)
     try:
         result = ruckig.Ruckig(4).calculate(wanted, trajectory)
-    except ruckig.RuckigError:
+    except (ruckig.RuckigError, ValueError):  # ValueError: a result that its binding has no name for
         return None
     return trajectory if result in (ruckig.Result.Working, ruckig.Result.Finished) else None
 

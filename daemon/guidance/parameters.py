@@ -19,4 +19,6 @@ class GuidanceParameters:
     omega_rad_s: float = 2.0  # natural frequency of the position's filter
     zeta: float = 1.0  # its damping, 1 or more: below 1 the reference may overshoot
     omega_yaw_rad_s: float = 2.0  # natural frequency of the heading's filter
-    omega_stream_rad_s: float = 5.0  # of the filters that follow a stream, heading too: they lag its jerk by jerk / omega^3
+    omega_stream_rad_s: float = (
+        5.0  # of the filters that follow a stream, heading too: they lag its jerk by jerk / omega^3
+    )

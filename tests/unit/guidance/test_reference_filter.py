@@ -121,6 +121,8 @@ def test_rotation_error_agrees_with_scipy_and_goes_the_shorter_way() -> None:
     for same in (goal, flipped):
         found = rotation_error(nominal, same, RotationError.LOGARITHM)
         assert found == pytest.approx(tuple(turn.as_rotvec()), abs=1e-12)
+        chord = rotation_error(nominal, same, RotationError.VECTOR_PART)
+        assert chord == pytest.approx(tuple(2.0 * turn.as_quat(canonical=True)[:3]), abs=1e-12)
 
 
 def test_rates_are_those_of_the_body_far_from_the_identity() -> None:

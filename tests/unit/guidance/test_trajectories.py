@@ -1,6 +1,6 @@
 """Shapes, polynomials, paths and headings: where they lead, within limits, without a bump."""
 
-from math import atan2, dist, hypot, pi, radians, sqrt
+from math import atan2, cos, dist, hypot, pi, radians, sin, sqrt
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,11 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daemon.frames import from_yaw, wrap_pi
+from daemon.guidance.brake import brake
 from daemon.guidance.goals import Goal, HoldGoal, PathGoal, PolynomialGoal, ShapeGoal, Through, WaypointGoal
-from daemon.guidance.heading import FixedHeading, PointHeading, TargetHeading, VelocityHeading
+from daemon.guidance.heading import FixedHeading, HeadedPlan, PointHeading, TargetHeading, VelocityHeading
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.minimum_snap import through
 from daemon.guidance.parameters import GuidanceParameters
+from daemon.guidance.plan import HoldPlan
 from daemon.guidance.planner import plan
 from daemon.guidance.polynomial import candidates
 from daemon.guidance.shapes import Circle, Lemniscate, plane_of
@@ -134,6 +136,25 @@ def test_plane_is_right_handed_across_the_axis(axis: Vec3) -> None:
     assert np.cross(first, second) == pytest.approx(along, abs=1e-9)
 
 
+@pytest.mark.parametrize("name", ["circle", "lemniscate"])
+def test_jerk_of_a_shape_is_the_derivative_of_its_acceleration_in_the_ramps_too(name: str) -> None:
+    flown = plan(START, GOALS[name], LIMITS, PARAMETERS)
+    for i in range(40):
+        time, h = flown.end_s - 6.0 + 0.149 * i, 1e-5
+        before, after = (flown.sample(t).acceleration_ned_m_s2 for t in (time - h, time + h))
+        slope = [(b - a) / (2.0 * h) for a, b in zip(before, after, strict=True)]
+        assert slope == pytest.approx(list(flown.sample(time).jerk_ned_m_s3), abs=1e-4)
+
+
+def test_turns_too_short_for_the_ramps_are_flown_slower() -> None:
+    start = Reference(time_s=0.0, position_ned_m=(5.0, 10.0, -12.0))
+    flown = plan(start, ShapeGoal(shape=CIRCLE, speed_m_s=3.0, turns=0.02), LIMITS, PARAMETERS)
+    phase = 2.0 * pi * 0.02
+    assert flown.target.position_ned_m == pytest.approx((5.0 * cos(phase), 10.0 + 5.0 * sin(phase), -12.0))
+    places = [flown.sample(flown.end_s * i / 100.0).position_ned_m for i in range(101)]
+    assert sum(map(dist, places, places[1:])) == pytest.approx(5.0 * phase, rel=1e-3)
+
+
 def test_turns_and_direction_decide_where_a_circle_ends() -> None:
     on_circle = Reference(time_s=0.0, position_ned_m=(5.0, 10.0, -12.0))
     for clockwise, east in ((True, 15.0), (False, 5.0)):
@@ -211,6 +232,37 @@ def test_fly_by_does_not_stop_on_the_way_and_turns_to_each_heading() -> None:
         assert dist(nearest.position_ned_m, corner) < 0.1
         assert hypot(*nearest.velocity_ned_m_s) > 0.3
     assert flown.sample(flown.end_s + 5.0).yaw_rad == pytest.approx(1.5, abs=1e-3)
+
+
+def test_minimum_snap_keeps_a_tight_jerk_limit() -> None:
+    tight = LIMITS.tightened(jerk_m_s3=0.3)
+    flown = through(Reference(time_s=0.0, position_ned_m=ZERO3), ((5.0, 0.0, 0.0), (5.0, 5.0, 0.0)), tight)
+    assert flown is not None
+    peak = max(hypot(*flown.sample(0.05 * i).jerk_ned_m_s3) for i in range(int(flown.end_s * 20)))
+    assert 0.2 < peak <= 0.301
+
+
+@pytest.mark.parametrize("east_m_s", [-4.0, 0.5, 4.0])
+def test_fly_by_takes_the_quicker_of_flying_on_and_stopping_first(east_m_s: float) -> None:
+    start = Reference(time_s=0.0, position_ned_m=(0.0, 0.0, -10.0), velocity_ned_m_s=(0.0, east_m_s, 0.0))
+    points = ((0.0, 6.0, -10.0), (8.0, 6.0, -10.0))
+    flown = plan(start, path_of(*points, through=Through.FLY_BY), LIMITS, PARAMETERS)
+    stop = brake(start, LIMITS).target
+    ends = [found.end_s for found in (through(start, points, LIMITS), through(stop, points, LIMITS)) if found]
+    assert flown.end_s == pytest.approx(min(ends))
+
+
+def test_a_heading_at_rest_is_not_stepped_any_further() -> None:
+    calls = 0
+
+    def wish(_: Reference) -> float:
+        nonlocal calls
+        calls += 1
+        return 1.0
+
+    held = HeadedPlan(HoldPlan(START), START, wish, LIMITS, 2.0)
+    assert held.sample(START.time_s + 1e4).yaw_rad == pytest.approx(1.0, abs=1e-6)
+    assert calls < 5000
 
 
 def test_fly_by_with_all_points_in_one_place_and_forward_heading() -> None:

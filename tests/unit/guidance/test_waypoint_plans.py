@@ -1,13 +1,15 @@
 """Plans to waypoints and to a hover: continuous from any flown state, within limits, arriving, the shorter way."""
 
+from dataclasses import replace
 from math import dist, pi
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.frames import from_yaw, wrap_pi
+from daemon.frames import from_yaw, is_finite, wrap_pi
 from daemon.guidance.brake import brake
 from daemon.guidance.filter_plan import FilterPlan
 from daemon.guidance.goals import WaypointGoal
@@ -276,3 +278,24 @@ def test_a_start_at_rest_does_not_overshoot(limits: MotionLimits, goal: tuple[fl
             position = flown.sample(i / 50.0 * flown.end_s).position_ned_m
             for reached, wanted in zip(position, goal, strict=True):
                 assert min(0.0, wanted) - 1e-3 <= reached <= max(0.0, wanted) + 1e-3
+
+
+NAN, INF = float("nan"), float("inf")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"velocity_ned_m_s": (INF, 0.0, 0.0)},
+        {"acceleration_ned_m_s2": (0.0, NAN, 0.0)},
+        {"yaw_rad": NAN},
+        {"yaw_rate_rad_s": -INF},
+        {"velocity_ned_m_s": (1e6, 0.0, 0.0), "acceleration_ned_m_s2": (500.0, 3.0, 0.0)},
+    ],
+)
+def test_brake_of_nonsense_is_finite_and_near(change: dict[str, Any]) -> None:
+    start = replace(Reference(time_s=0.0, position_ned_m=(1.0, 2.0, -3.0)), **change)
+    stopped = brake(start, MotionLimits())
+    for reference in (stopped.sample(0.3), stopped.target):
+        assert is_finite((*reference.position_ned_m, *reference.velocity_ned_m_s, reference.yaw_rad))
+    assert stopped.target.position_ned_m == pytest.approx((1.0, 2.0, -3.0))
