@@ -36,7 +36,7 @@ from daemon.messages import (
 from daemon.safety import supervision as safety
 from daemon.safety.conditions import Bounds, Conditions, Facts
 from daemon.safety.supervision import Drive, Supervision, Timing
-from daemon.safety.supervisor import FLYING, OURS
+from daemon.safety.supervisor import FLYING, OURS, State
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,21 +124,33 @@ def step(
         parameters=parameters.estimator,
         pose=inputs.pose,
     )
-    state = _with_reset(replace(state, estimator=estimation), estimate)
+    state = _with_reset(state, estimate)
     supervision, conditions, modes = _supervise(state, inputs, estimate, now_s)
     how = safety.drive(supervision, conditions)
     act_s = now_s + parameters.command_latency_s
     predicted = estimate.newest and predictor.predict(
         estimate.newest, act_s, state.acceleration_ned_m_s2, state.sent, parameters=parameters.predictor
     )
-    state = _with_supervision(state, supervision, inputs.window, predicted, estimate.shift, act_s, parameters)
-    state, setpoint, control = _command(state, how, estimate.newest, predicted, act_s, dt_s, parameters.control)
+    memory, acceleration, flown, braking = state.control, ZERO3, None, None
+    if supervision.state in OURS:
+        acceleration = state.acceleration_ned_m_s2
+        if state.supervision.state in OURS:
+            flown, braking = state.flown, state.braking
+        else:
+            memory = controller.initial(parameters.control)
+        flown, braking = _reference(
+            flown, braking, supervision.state, inputs.window, predicted, estimate.shift, act_s, parameters.limits
+        )
+    memory, setpoint, control = _command(
+        memory, flown, how, estimate.newest, predicted, act_s, dt_s, parameters.control
+    )
     sent = (
         ()
         if setpoint is None
         else predictor.remembered(state.sent, now_s, setpoint.rates_frd_rad_s, parameters=parameters.predictor)
     )
-    state = replace(state, sent=sent)
+    acceleration = acceleration if control is None else control.acceleration_ned_m_s2
+    state = PipelineState(estimation, memory, supervision, acceleration, sent, flown, braking)
     record = Record(
         now_s=now_s,
         dt_s=dt_s,
@@ -147,7 +159,7 @@ def step(
         supervision=supervision,
         conditions=conditions,
         drive=how,
-        reference=state.flown,
+        reference=flown,
         control=control,
         setpoint=setpoint,
         modes=modes,
@@ -202,73 +214,58 @@ def _bounds(parameters: Parameters, shift: FrameShift) -> Bounds:
     return replace(parameters.bounds, fence=replace(fence, anchor_ned_m=frames.add(fence.anchor_ned_m, dp)))
 
 
-def _with_supervision(
-    state: PipelineState,
-    supervision: Supervision,
+def _reference(
+    flown: Reference | None,
+    braking: Plan | None,
+    ours: State,
     window: ReferenceWindow | None,
     predicted: EstimatedState | None,
     shift: FrameShift,
     act_s: float,
-    parameters: Parameters,
-) -> PipelineState:
+    limits: MotionLimits,
+) -> tuple[Reference | None, Plan | None]:
     """The reference of this tick: from the window while it covers the moment, else braking to a hover."""
-    was_ours = state.supervision.state in OURS
-    state = replace(state, supervision=supervision)
-    if supervision.state not in OURS:
-        return replace(state, flown=None, braking=None, acceleration_ned_m_s2=ZERO3)
-    if not was_ours:
-        state = replace(state, control=controller.initial(parameters.control), flown=None, braking=None)
-    if supervision.state not in FLYING and state.flown is None:
-        return state
-    if state.flown is None:
-        if predicted is None:
-            return state
-        state = replace(state, flown=at_rest(predicted, act_s))
-    flown = _sample(window, shift, act_s) if _covers(window, act_s) else None
-    if flown is not None:
-        return replace(state, flown=flown, braking=None)
-    assert state.flown is not None
-    braking = state.braking or brake(state.flown, parameters.limits)
-    return replace(state, flown=braking.sample(act_s), braking=braking)
+    if flown is None:
+        if ours not in FLYING or predicted is None:
+            return None, braking
+        flown = at_rest(predicted, act_s)
+    if window is not None and _covers(window, act_s):
+        return _sample(window, shift, act_s), None
+    braking = braking or brake(flown, limits)
+    return braking.sample(act_s), braking
 
 
 def _command(
-    state: PipelineState,
+    state: ControlState,
+    flown: Reference | None,
     how: Drive,
     newest: EstimatedState | None,
     predicted: EstimatedState | None,
     act_s: float,
     dt_s: float,
     parameters: ControlParameters,
-) -> tuple[PipelineState, Setpoint | None, ControlRecord | None]:
+) -> tuple[ControlState, Setpoint | None, ControlRecord | None]:
     if how is Drive.SILENT:
         return state, None, None
     if newest is None or predicted is None:
-        return state, controller.blind(state.control, parameters=parameters), None
+        return state, controller.blind(state, parameters=parameters), None
     if how is Drive.MATCH:
-        return state, controller.match(state.control, newest, parameters=parameters), None
+        return state, controller.match(state, newest, parameters=parameters), None
     if how is Drive.LEVEL and predicted.time_s < act_s - 1e-6:
         # Nothing is known of now: levelling a prediction that stands still would keep turning.
-        return state, controller.blind(state.control, parameters=parameters), None
-    if how is Drive.LEVEL or state.flown is None:
-        return state, controller.level(state.control, predicted, parameters=parameters), None
-    control, setpoint, record = controller.step(
-        state.control, newest, predicted, state.flown, dt_s, parameters=parameters
-    )
-    return replace(state, control=control, acceleration_ned_m_s2=record.acceleration_ned_m_s2), setpoint, record
+        return state, controller.blind(state, parameters=parameters), None
+    if how is Drive.LEVEL or flown is None:
+        return state, controller.level(state, predicted, parameters=parameters), None
+    return controller.step(state, newest, predicted, flown, dt_s, parameters=parameters)
 
 
-def _covers(window: ReferenceWindow | None, time_s: float) -> bool:
-    return (
-        window is not None
-        and bool(window.samples)
-        and window.samples[0].time_s <= time_s <= window.samples[-1].time_s + WINDOW_SPACING_S
-    )
+def _covers(window: ReferenceWindow, time_s: float) -> bool:
+    samples = window.samples
+    return bool(samples) and samples[0].time_s <= time_s <= samples[-1].time_s + WINDOW_SPACING_S
 
 
-def _sample(window: ReferenceWindow | None, shift: FrameShift, time_s: float) -> Reference:
+def _sample(window: ReferenceWindow, shift: FrameShift, time_s: float) -> Reference:
     """The window at a moment, by its own derivatives from the sample before, in the frame of now."""
-    assert window is not None
     first = window.samples[0].time_s
     index = min(int((time_s - first) / WINDOW_SPACING_S), len(window.samples) - 1)
     reference = _extrapolated(window.samples[index], time_s)
