@@ -21,6 +21,7 @@ from daemon.loops.vehicle import Vehicle
 from daemon.notify import notify
 from daemon.parameters import dead_man_timing
 from daemon.realtime import apply as apply_realtime
+from daemon.reports import Reports
 from daemon.safety.dead_man import DeadMan
 from daemon.telemetry import Telemetry
 
@@ -87,8 +88,9 @@ async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Li
     hub = Hub()
     recorder = _recorder(config)
     journal = Journal(hub, recorder)
-    service = Service(vehicle, hub, journal)
-    Telemetry(vehicle, service, hub, journal)
+    reports = Reports(vehicle)
+    service = Service(vehicle, reports, hub, journal)
+    Telemetry(vehicle, reports, hub, journal)
     if recorder is not None:
         recorder.start()
         vehicle.control.listeners.append(lambda inputs, record: recorder.tick(vehicle.control.state, inputs, record))

@@ -2,13 +2,10 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable
-from math import degrees, isfinite
-from typing import Any
 
 from daemon import config as configuration
 from daemon import logs, orders, pipeline
 from daemon.autopilot.port import CommandRefusedError, CommandTimeoutError, NotConnectedError
-from daemon.estimation import estimator
 from daemon.goals import methods, results
 from daemon.goals.errors import ErrorCode, ProtocolError
 from daemon.goals.hub import Hub
@@ -16,11 +13,10 @@ from daemon.goals.service import Caller, Identity
 from daemon.journal import Journal
 from daemon.loops.commander import Commander, NotPossibleError
 from daemon.loops.goal_book import GoalEntry
-from daemon.loops.grid import GridReport
 from daemon.loops.trajectory_task import Progress
 from daemon.loops.vehicle import Vehicle
 from daemon.messages import LandedState
-from daemon.safety.reasons import REASONS
+from daemon.reports import Reports, goal_feedback, goal_record
 from daemon.safety.supervisor import FLYING, State
 
 log = logs.get("service")
@@ -29,10 +25,11 @@ log = logs.get("service")
 class Service:
     """Implements ``FlightService``: reads the vehicle's parts, and changes them through their mailboxes only."""
 
-    def __init__(self, vehicle: Vehicle, hub: Hub, journal: Journal) -> None:
+    def __init__(self, vehicle: Vehicle, reports: Reports, hub: Hub, journal: Journal) -> None:
         self._vehicle = vehicle
         self._hub = hub
         self._journal = journal
+        self._reports = reports
         self._started_s = asyncio.get_running_loop().time()
         self._engaging: set[asyncio.Task[None]] = set()
         vehicle.trajectory.listeners.append(self)
@@ -41,19 +38,11 @@ class Service:
 
     def goal_progress(self, progress: Progress) -> None:
         """See ``GoalListener``."""
-        self._hub.goal_feedback(
-            {
-                "goal_id": progress.goal_id,
-                "distance_m": round(progress.distance_m, 4),
-                "angle_deg": round(degrees(progress.angle_rad), 3),
-                "progress": round(progress.progress, 4),
-                "eta_s": round(max(0.0, progress.eta_s), 2) if isfinite(progress.eta_s) else None,
-            }
-        )
+        self._hub.goal_feedback(goal_feedback(progress))
 
     def goal_ended(self, entry: GoalEntry) -> None:
         """See ``GoalListener``."""
-        record = _goal_record(entry)
+        record = goal_record(entry)
         self._hub.goal_result(record)
         self._journal.goal("ended", entry.goal_id, record)
         log.info("goal_ended", goal_id=entry.goal_id, outcome=entry.outcome, reason=entry.reason, by=entry.by)
@@ -67,70 +56,11 @@ class Service:
 
     async def status_get(self, params: methods.NoParams, caller: Caller) -> results.Status:
         """See ``FlightService``."""
-        record = self._vehicle.control.record.value
-        state = record.supervision.state if record else State.DISCONNECTED
-        reason = record.supervision.reason if record else "start"
-        return {
-            "state": state.value,
-            "reasons": [{"code": reason, "text": REASONS.get(reason, reason.replace("_", " "))}],
-            "autopilot": self.autopilot_report(),
-            "vehicle": self.vehicle_report(),
-            "goal": self._goal_report(),
-            "loops": self.loop_reports(),
-            "counters": self.counters(),
-        }
-
-    def autopilot_report(self) -> results.AutopilotReport:
-        """What the autopilot says of itself."""
-        status = self._vehicle.autopilot.status.value
-        battery = status.battery_fraction
-        return {
-            "connected": status.connected,
-            "mode": status.mode.value,
-            "intended_mode": status.intended_mode.value,
-            "armed": status.armed,
-            "landed": status.landed.name.lower(),
-            "battery_pct": None if battery is None else round(100.0 * battery, 1),
-        }
-
-    def vehicle_report(self) -> results.VehicleReport | None:
-        """The estimate, or None."""
-        record = self._vehicle.control.record.value
-        if record is None or record.estimate.newest is None:
-            return None
-        newest = record.estimate.newest
-        variance = newest.position_variance_m2
-        return {
-            "position_ned_m": list(newest.position_ned_m),
-            "velocity_ned_m_s": list(newest.velocity_ned_m_s),
-            "attitude_wb": list(newest.attitude_wb),
-            "rates_frd_rad_s": list(newest.rates_frd_rad_s),
-            "age_s": round(asyncio.get_running_loop().time() - newest.time_s, 4),
-            "covariance_m2": variance if isfinite(variance) else None,
-        }
-
-    def loop_reports(self) -> results.LoopReports:
-        """Statistics of both tasks."""
-        return {
-            "control": _loop_report(self._vehicle.control.grid.statistics.report()),
-            "trajectory": _loop_report(self._vehicle.trajectory.grid.statistics.report()),
-        }
-
-    def counters(self) -> results.Counters:
-        """Resets and refused inputs."""
-        now_s = asyncio.get_running_loop().time()
-        record = self._vehicle.control.record.value
-        refused = estimator.refusals(
-            self._vehicle.control.state.estimator, now_s, parameters=self._vehicle.parameters.value.estimator
-        )
-        return {
-            "resets": record.estimate.shift.count if record else 0,
-            "refused": {name: round(count) for name, count in refused.items() if count >= 0.5},
-        }
+        return self._reports.status()
 
     async def goal_get(self, params: methods.GoalGet, caller: Caller) -> results.GoalRecord:
         """See ``FlightService``."""
-        return _goal_record(self._entry(params.goal_id))
+        return goal_record(self._entry(params.goal_id))
 
     # -- the vehicle
 
@@ -270,19 +200,6 @@ class Service:
             raise ProtocolError(ErrorCode.REFUSED, f"there is no setting {path!r}", "path") from None
         return {"path": path, "value": value, **described}  # type: ignore[typeddict-item]
 
-    def _goal_report(self) -> results.GoalProgress | None:
-        progress = self._vehicle.trajectory.progress
-        if progress is None:
-            return None
-        return {
-            "goal_id": progress.goal_id,
-            "kind": progress.kind,
-            "distance_m": round(progress.distance_m, 4),
-            "angle_deg": round(degrees(progress.angle_rad), 3),
-            "progress": round(progress.progress, 4),
-            "eta_s": round(max(0.0, progress.eta_s), 2) if isfinite(progress.eta_s) else None,
-        }
-
     async def _done(self, request: Callable[[], Awaitable[None]]) -> results.VehicleDone:
         try:
             await request()
@@ -342,26 +259,3 @@ class Service:
             limits=self._vehicle.parameters.value.limits,
             parameters=self._vehicle.guidance,
         )
-
-
-def _loop_report(report: GridReport) -> results.LoopReport:
-    return {
-        "rate_hz": round(report.rate_hz, 2),
-        "period_p99_ms": round(1e3 * report.period_p99_s, 3),
-        "late": report.late,
-        "missed": report.missed,
-    }
-
-
-def _goal_record(entry: GoalEntry) -> results.GoalRecord:
-    record: dict[str, Any] = {
-        "goal_id": entry.goal_id,
-        "state": "active" if entry.outcome is None else "done",
-        "outcome": entry.outcome,
-        "by": entry.by,
-        "reason": entry.reason,
-        "error_m": entry.error_m,
-        "error_deg": entry.error_deg,
-        "duration_s": entry.duration_s,
-    }
-    return record  # type: ignore[return-value]

@@ -3,13 +3,13 @@
 from math import degrees
 
 from daemon import logs
-from daemon.flight_service import Service
 from daemon.goals.hub import Hub
 from daemon.guidance.plan import Plan
 from daemon.journal import Journal
 from daemon.loops.vehicle import Vehicle
 from daemon.messages import Vec3
 from daemon.pipeline import Inputs, Record
+from daemon.reports import Reports
 from daemon.safety.reasons import REASONS
 from daemon.safety.supervisor import State
 
@@ -21,9 +21,9 @@ log = logs.get("vehicle")
 class Telemetry:
     """A listener of the control task. Each topic is made only when somebody is due to get it."""
 
-    def __init__(self, vehicle: Vehicle, service: Service, hub: Hub, journal: Journal) -> None:
+    def __init__(self, vehicle: Vehicle, reports: Reports, hub: Hub, journal: Journal) -> None:
         self._vehicle = vehicle
-        self._service = service
+        self._reports = reports
         self._hub = hub
         self._journal = journal
         self._state: State | None = None
@@ -46,7 +46,7 @@ class Telemetry:
                 {"time_s": record.now_s, "rates_frd_rad_s": list(setpoint.rates_frd_rad_s), "thrust": setpoint.thrust},
             )
         if hub.wants("loops"):
-            hub.publish("loops", self._service.loop_reports())
+            hub.publish("loops", self._reports.loops())
         if hub.wants("health"):
             self._publish_health(record)
         plan = self._vehicle.trajectory.plan.value
@@ -55,7 +55,7 @@ class Telemetry:
         self._plan = plan
 
     def _publish_state(self, record: Record) -> None:
-        report = self._service.vehicle_report()
+        report = self._reports.vehicle()
         if report is not None:
             self._hub.publish("state", {"time_s": record.now_s, "state": record.supervision.state.value, **report})
 
@@ -86,8 +86,8 @@ class Telemetry:
                 "time_s": record.now_s,
                 "state": record.supervision.state.value,
                 "reasons": reasons,
-                "autopilot": self._service.autopilot_report(),
-                "counters": self._service.counters(),
+                "autopilot": self._reports.autopilot(),
+                "counters": self._reports.counters(),
             },
         )
 

@@ -17,6 +17,7 @@ from daemon.loops.trajectory_task import Progress
 from daemon.loops.vehicle import Vehicle
 from daemon.messages import FlightMode, Setpoint, Vec3
 from daemon.pipeline import Inputs, Record
+from daemon.reports import Reports
 from daemon.safety.supervisor import State
 from daemon.sim.airframe_files import load as load_airframe
 from daemon.sim.in_process import InProcessAutopilot
@@ -126,7 +127,7 @@ def fly(
         autopilot = _Watched(px4)
         vehicle = Vehicle(load([], config), autopilot, lambda: LoopAlarm(loop))
         hub = Hub()
-        flight = Flight(px4, autopilot, vehicle, Service(vehicle, hub, Journal(hub, None)), hub)
+        flight = Flight(px4, autopilot, vehicle, Service(vehicle, Reports(vehicle), hub, Journal(hub, None)), hub)
         autopilot.flight = flight
         vehicle.control.listeners.append(flight.on_tick)
         vehicle.trajectory.listeners.append(flight)

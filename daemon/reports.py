@@ -1,0 +1,125 @@
+"""What is told of the vehicle, the goal and the loops: the protocol's shapes, made from the tasks' cells."""
+
+import asyncio
+from math import degrees, isfinite
+
+from daemon.estimation import estimator
+from daemon.goals import results
+from daemon.loops.goal_book import GoalEntry
+from daemon.loops.grid import GridReport
+from daemon.loops.trajectory_task import Progress
+from daemon.loops.vehicle import Vehicle
+from daemon.safety.reasons import REASONS
+from daemon.safety.supervisor import State
+
+
+class Reports:
+    """Reads the vehicle's cells; changes nothing."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+
+    def status(self) -> results.Status:
+        """Result of status.get."""
+        record = self._vehicle.control.record.value
+        state = record.supervision.state if record else State.DISCONNECTED
+        reason = record.supervision.reason if record else "start"
+        return {
+            "state": state.value,
+            "reasons": [{"code": reason, "text": REASONS.get(reason, reason.replace("_", " "))}],
+            "autopilot": self.autopilot(),
+            "vehicle": self.vehicle(),
+            "goal": self.goal(),
+            "loops": self.loops(),
+            "counters": self.counters(),
+        }
+
+    def autopilot(self) -> results.AutopilotReport:
+        """What the autopilot says of itself."""
+        status = self._vehicle.autopilot.status.value
+        battery = status.battery_fraction
+        return {
+            "connected": status.connected,
+            "mode": status.mode.value,
+            "intended_mode": status.intended_mode.value,
+            "armed": status.armed,
+            "landed": status.landed.name.lower(),
+            "battery_pct": None if battery is None else round(100.0 * battery, 1),
+        }
+
+    def vehicle(self) -> results.VehicleReport | None:
+        """The estimate, or None."""
+        record = self._vehicle.control.record.value
+        if record is None or record.estimate.newest is None:
+            return None
+        newest = record.estimate.newest
+        variance = newest.position_variance_m2
+        return {
+            "position_ned_m": list(newest.position_ned_m),
+            "velocity_ned_m_s": list(newest.velocity_ned_m_s),
+            "attitude_wb": list(newest.attitude_wb),
+            "rates_frd_rad_s": list(newest.rates_frd_rad_s),
+            "age_s": round(asyncio.get_running_loop().time() - newest.time_s, 4),
+            "covariance_m2": variance if isfinite(variance) else None,
+        }
+
+    def loops(self) -> results.LoopReports:
+        """Statistics of both tasks."""
+        return {
+            "control": _loop_report(self._vehicle.control.grid.statistics.report()),
+            "trajectory": _loop_report(self._vehicle.trajectory.grid.statistics.report()),
+        }
+
+    def counters(self) -> results.Counters:
+        """Resets and refused inputs."""
+        now_s = asyncio.get_running_loop().time()
+        record = self._vehicle.control.record.value
+        refused = estimator.refusals(
+            self._vehicle.control.state.estimator, now_s, parameters=self._vehicle.parameters.value.estimator
+        )
+        return {
+            "resets": record.estimate.shift.count if record else 0,
+            "refused": {name: round(count) for name, count in refused.items() if count >= 0.5},
+        }
+
+    def goal(self) -> results.GoalProgress | None:
+        """How far the active goal is, or None."""
+        progress = self._vehicle.trajectory.progress
+        if progress is None:
+            return None
+        feedback = goal_feedback(progress)
+        return {"kind": progress.kind, **feedback}
+
+
+def goal_feedback(progress: Progress) -> results.GoalFeedback:
+    """Payload of goal.feedback."""
+    return {
+        "goal_id": progress.goal_id,
+        "distance_m": round(progress.distance_m, 4),
+        "angle_deg": round(degrees(progress.angle_rad), 3),
+        "progress": round(progress.progress, 4),
+        "eta_s": round(max(0.0, progress.eta_s), 2) if isfinite(progress.eta_s) else None,
+    }
+
+
+def goal_record(entry: GoalEntry) -> results.GoalRecord:
+    """Result of goal.get and payload of goal.result."""
+    return {
+        "goal_id": entry.goal_id,
+        "state": "active" if entry.outcome is None else "done",
+        "outcome": entry.outcome,
+        "by": entry.by,
+        "reason": entry.reason,
+        "error_m": entry.error_m,
+        "error_deg": entry.error_deg,
+        "duration_s": entry.duration_s,
+    }
+
+
+def _loop_report(report: GridReport) -> results.LoopReport:
+    return {
+        "rate_hz": round(report.rate_hz, 2),
+        "period_p99_ms": round(1e3 * report.period_p99_s, 3),
+        "late": report.late,
+        "missed": report.missed,
+    }
