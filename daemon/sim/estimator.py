@@ -22,7 +22,7 @@ _TILT_TIME_S = 1.2
 _POSITION_PULL_S = 1.5
 _WANDER_STD_M = (0.12, 0.12, 0.15)
 _WANDER_TIME_S = 30.0
-_WANDER_SMOOTH_S = 0.7
+_WANDER_SMOOTH_S = 0.3
 _TILT_STD_RAD = (radians(0.6), radians(0.2))
 _TILT_BIAS_STD_RAD = (radians(1.2), radians(0.8))
 _HEADING_STD_RAD = radians(1.0)
@@ -192,14 +192,17 @@ class Estimator:
     def _step_gps(self) -> None:
         self._since_return_s += STEP_S
         if not self.gps:
-            self.lost_s += STEP_S
             self._returning_s = None
-            acceleration = rotate_about_down((_GPS_DRIFT_M_S2, 0.0, 0.0), _DRIFT_HEADING_RAD)
-            # The vehicle drifts away from where it believes to be: the estimate's error is the opposite.
-            self._drift_velocity = add(self._drift_velocity, scale(acceleration, -STEP_S))
-            self._drift = add(self._drift, scale(self._drift_velocity, STEP_S))
+            self._drift_on()
         elif self.lost_s > 0.0:
             self._return()
+
+    def _drift_on(self) -> None:
+        """Inertial sensors alone. The vehicle drifts from where it believes to be: the error is the opposite."""
+        self.lost_s += STEP_S
+        acceleration = rotate_about_down((_GPS_DRIFT_M_S2, 0.0, 0.0), _DRIFT_HEADING_RAD)
+        self._drift_velocity = add(self._drift_velocity, scale(acceleration, -STEP_S))
+        self._drift = add(self._drift, scale(self._drift_velocity, STEP_S))
 
     def _return(self) -> None:
         """GPS is back: after a short loss the estimate slides home within 0.1 s, after a long one it jumps."""
@@ -215,6 +218,8 @@ class Estimator:
             jump = Jump(scale(self._drift, -1.0), scale(self._drift_velocity, -1.0), count=4)
             self._home_again(since_return_s=0.0)
             self._jump(jump)
+        else:
+            self._drift_on()
 
     def _home_again(self, since_return_s: float) -> None:
         self._drift = self._drift_velocity = ZERO3

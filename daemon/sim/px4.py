@@ -4,7 +4,7 @@ Behaviour follows recordings of PX4 1.17 SITL (see docs/simulator.md for what wa
 """
 
 import struct
-from math import isfinite
+from math import isfinite, nan
 
 from daemon.frames import from_yaw
 from daemon.messages import ZERO3, FlightMode, GlobalPosition, Setpoint, Vec3
@@ -290,7 +290,17 @@ class SimulatedPx4:
                 target_down_m = estimate.position_ned_m[2] - altitude_m
             else:
                 target_down_m = self.home.altitude_amsl_m - amsl_m - self.estimator.origin_ned_m[2]
+        elif mode in (FlightMode.LAND, FlightMode.RETURN):
+            self._stow_gimbal()
         self.tasks.enter(mode, estimate, target_down_m)
+
+    def _stow_gimbal(self) -> None:
+        """PX4 sends gimbal commands to the link at a landing; a companion must not take them as its own."""
+        nothing = [nan] * 4
+        for number, values in ((1001, [self.system_id, 1, -1, -1, 0, 0, 0]), (1000, [*nothing, 2, 0, 0])):
+            fields: Fields = {"target_system": self.system_id, "target_component": 0, "command": number}
+            parameters = {f"param{index + 1}": float(value) for index, value in enumerate(values)}
+            self.send("COMMAND_LONG", {**fields, "confirmation": 0, **parameters})
 
     def _command(self) -> None:
         """The commander's turn."""

@@ -144,8 +144,8 @@ def test_gps_loss_and_return_follow_the_recording(recording, flight):
     assert not more
     assert t_mine == pytest.approx(t, abs=0.1)
     assert change_mine[-1] == change[-1] == 4.0
-    assert np.hypot(*change_mine[1:3]) == pytest.approx(np.hypot(*change[1:3]), rel=0.2)
-    assert np.hypot(*change_mine[4:6]) == pytest.approx(np.hypot(*change[4:6]), rel=0.3)
+    assert np.hypot(*change_mine[1:3]) == pytest.approx(np.hypot(*change[1:3]), rel=0.1)
+    assert np.hypot(*change_mine[4:6]) == pytest.approx(np.hypot(*change[4:6]), rel=0.2)
     calm = mine[(mine[:, 0] > 7.0) & (mine[:, 0] < 22.0)]
     assert np.abs(np.diff(calm[:, 1:3], axis=0)).max() < 0.5  # it looks calm all the while
     fix = recorded.table("rx:GPS_RAW_INT")

@@ -188,6 +188,7 @@ def test_a_scenario_happens_when_it_says():
         {"at_s": 2.0, "fault": "wind", "north_m_s": 4, "duration_s": 1.0},
         {"at_s": 1.0, "fault": "payload", "mass_kg": 0.2},
     ]
+    assert [entry.at_s for entry in scenario(items)] == [1.0, 2.0]
     px4.faults.schedule(scenario(items))
     fly(px4, 0.99)
     assert px4.payload_kg == 0.0

@@ -80,3 +80,17 @@ def test_signals_stay_within_0_and_1_whatever_is_asked(wishes):
         loop.sense((0.1, -0.2, 0.3))
         for signal in loop.run(rates, thrust, False):
             assert 0.0 <= signal <= 1.0
+
+
+def test_near_zero_thrust_the_torque_gives_way_and_not_the_thrust():
+    signals = RateLoop(SIH, 0.0).run((3.0, 0.0, 0.0), 0.05, False)
+    assert np.mean(signals) == pytest.approx(0.05)
+    assert min(signals) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_saturated_axis_does_not_wind_up():
+    loop = RateLoop(SIH, 0.0)
+    for _ in range(250):
+        loop.run((3.0, 0.0, 0.0), 0.05, False)
+    at_rest = loop.run((0.0, 0.0, 0.0), 0.5, False)
+    assert at_rest == pytest.approx((0.5,) * 4, abs=0.003)
