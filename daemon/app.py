@@ -107,9 +107,6 @@ async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Li
     try:
         await asyncio.wait({tasks, stop.asked}, return_when=asyncio.FIRST_COMPLETED)
         failed = tasks.done()
-        if failed:
-            log.error("task_failed", exc_info=tasks.exception())
-            vehicle.gate.latch()
         notify("STOPPING=1")
         if not failed:
             await _first_of(vehicle.release(), stop.asked_again)

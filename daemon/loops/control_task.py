@@ -28,7 +28,6 @@ class ControlTask:
         window: Latest[ReferenceWindow | None],
         request: Latest[VehicleRequest | None],
         parameters: Latest[Parameters],
-        clock_gap_s: float,
     ) -> None:
         self.record = record
         self.listeners: list[Callable[[Inputs, Record], None]] = []
@@ -40,7 +39,6 @@ class ControlTask:
         self._window = window
         self._request = request
         self._parameters = parameters
-        self._clock_gap_s = clock_gap_s
         self._state = pipeline.initial(parameters.value)
 
     @property
@@ -54,8 +52,7 @@ class ControlTask:
 
     def tick(self, now_s: float, dt_s: float) -> None:
         """Read, compute, publish."""
-        if self._gate.ours and dt_s > self._clock_gap_s:
-            self._gate.latch()
+        self._gate.check_gap()
         inputs = self._read()
         begun_s = perf_counter()
         self._state, setpoint, record = pipeline.step(self._state, inputs, now_s, dt_s)

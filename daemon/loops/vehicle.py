@@ -5,6 +5,7 @@ import contextlib
 from collections.abc import Callable
 from dataclasses import replace
 
+from daemon import logs
 from daemon.autopilot.port import Autopilot, CommandTimeoutError
 from daemon.config import Config
 from daemon.guidance.parameters import GuidanceParameters
@@ -14,20 +15,32 @@ from daemon.loops.control_task import ControlTask
 from daemon.loops.grid import Alarm, Grid
 from daemon.loops.health_task import HealthTask
 from daemon.loops.trajectory_task import TrajectoryTask
-from daemon.messages import RequestKind, VehicleRequest
+from daemon.messages import FlightMode, RequestKind, VehicleRequest
 from daemon.parameters import geofence, guidance_parameters, pipeline_parameters
 from daemon.pipeline import Parameters, Record
-from daemon.safety.dead_man import SetpointGate
+from daemon.safety.dead_man import SetpointGate, boot_clock
 from daemon.safety.geofence import Geofence
 from daemon.safety.supervisor import OURS
 
 RELEASE_S = 1.2
+HOLD_TRIES, HOLD_PAUSE_S = 4, 0.1
+
+log = logs.get("vehicle")
 
 
 class Vehicle:
-    """Cells, tasks and the commander. ``alarm`` makes what wakes a grid: timerfd live, loop timer in virtual time."""
+    """Cells, tasks and the commander. ``alarm`` makes what wakes a grid: timerfd live, loop timer in virtual time.
 
-    def __init__(self, config: Config, autopilot: Autopilot, alarm: Callable[[], Alarm]) -> None:
+    ``clock`` is what tells the gate of a gap: it goes on while the machine is suspended.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        autopilot: Autopilot,
+        alarm: Callable[[], Alarm],
+        clock: Callable[[], float] = boot_clock,
+    ) -> None:
         self.config = config
         self.autopilot = autopilot
         self.stopping = False
@@ -35,7 +48,7 @@ class Vehicle:
         self.parameters: Latest[Parameters] = Latest(pipeline_parameters(config, geofence(config, (0.0, 0.0, 0.0))))
         self.request: Latest[VehicleRequest | None] = Latest(None)
         self.record: Latest[Record | None] = Latest(None)
-        self.gate = SetpointGate(autopilot)
+        self.gate = SetpointGate(autopilot, clock, config.safety.clock_gap_s)
         control_grid = Grid(1.0 / config.loops.control_rate_hz, alarm())
         trajectory_grid = Grid(1.0 / config.loops.trajectory_rate_hz, alarm())
         self.trajectory = TrajectoryTask(
@@ -55,7 +68,6 @@ class Vehicle:
             self.trajectory.window,
             self.request,
             self.parameters,
-            config.safety.clock_gap_s,
         )
         self.control.listeners.append(self.trajectory.on_control_tick)
         self.commander = Commander(autopilot, self.gate, self.record, self.request, CommandTimeouts())
@@ -67,12 +79,33 @@ class Vehicle:
         return self.parameters.value.bounds.fence
 
     async def run(self) -> None:
-        """Run all tasks until cancelled; the first that fails ends all."""
+        """Run all tasks until cancelled; the first that fails ends all, after it has handed over the vehicle."""
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self.autopilot.run())
-            tasks.create_task(self.control.run())
-            tasks.create_task(self.trajectory.run())
-            tasks.create_task(self.health.run())
+            for part in (self.control, self.trajectory, self.health):
+                tasks.create_task(self._handing_over(part))
+
+    async def _handing_over(self, part: ControlTask | TrajectoryTask | HealthTask) -> None:
+        """The link must not go down with a failed task before the autopilot has the vehicle."""
+        try:
+            await part.run()
+        except Exception as error:
+            log.error("task_failed", exc_info=error)
+            if self.trajectory.goal_id is not None:
+                self.trajectory.abort(self.trajectory.goal_id, "task_failed")
+            if part is not self.control:
+                await self.release()
+            self.gate.latch()
+            await self._let_go()
+            raise
+
+    async def _let_go(self) -> None:
+        """Ask for Hold again, as the message may have been lost, until the autopilot has left offboard."""
+        for _ in range(HOLD_TRIES):
+            await asyncio.sleep(HOLD_PAUSE_S)
+            if self.autopilot.status.value.mode is not FlightMode.OFFBOARD:
+                return
+            self.autopilot.request_mode(FlightMode.HOLD)
 
     def set_config(self, config: Config) -> None:
         """Fly with other gains and limits from the next tick on. Raises ``ValueError`` and changes nothing."""

@@ -6,6 +6,7 @@ A call that holds the interpreter lock stops this thread as well: then nothing l
 offboard-loss failsafe acts.
 """
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable
@@ -28,11 +29,23 @@ class Sender(Protocol):
         """Ask for a mode."""
 
 
-class SetpointGate:
-    """The only way out for setpoints; counts ticks of the control task, and can be latched shut."""
+def boot_clock() -> float:
+    """Seconds of CLOCK_BOOTTIME, which goes on while the machine is suspended."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME)
 
-    def __init__(self, sender: Sender) -> None:
+
+class SetpointGate:
+    """The only way out for setpoints; counts ticks of the control task, and can be latched shut.
+
+    While the vehicle is ours, a gap of more than ``gap_s`` of ``clock`` between two ticks (SIGCONT, suspend) latches
+    before anything is sent.
+    """
+
+    def __init__(self, sender: Sender, clock: Callable[[], float] = boot_clock, gap_s: float = 0.3) -> None:
         self._sender = sender
+        self._clock = clock
+        self._gap_s = gap_s
+        self._ticked_s = 0.0
         self._lock = threading.Lock()
         self.latched = False
         self.ticks = 0
@@ -41,13 +54,20 @@ class SetpointGate:
 
     def tick(self, setpoint: Setpoint | None, hover_thrust: float) -> bool:
         """The control task is alive, and sends this (None: nothing, the vehicle is not ours). True when it left."""
+        self.check_gap()
         with self._lock:
+            self._ticked_s = self._clock()
             self.ticks += 1
             self.ours = setpoint is not None
             self.hover_thrust = hover_thrust
             if setpoint is None or self.latched:
                 return False
             return self._sender.send_setpoint(setpoint)
+
+    def check_gap(self) -> None:
+        """Latch when the last tick is too long ago; called before anything is computed, and again before it is sent."""
+        if self.ours and self._clock() - self._ticked_s > self._gap_s:
+            self.latch()
 
     def level_once(self) -> None:
         """One setpoint of zero rates at hover thrust, unless latched or not ours."""
@@ -56,12 +76,13 @@ class SetpointGate:
                 self._sender.send_setpoint(Setpoint(NO_RATES, self.hover_thrust))
 
     def latch(self) -> None:
-        """Shut the gate, then command Hold."""
+        """Shut the gate, then command Hold if the vehicle is ours."""
         with self._lock:
             if self.latched:
                 return
             self.latched = True
-        self._sender.request_mode(FlightMode.HOLD)
+        if self.ours:
+            self._sender.request_mode(FlightMode.HOLD)
 
     def unlatch(self) -> None:
         """Open the gate again; only for an engage that somebody asked for."""
@@ -143,11 +164,14 @@ class DeadMan:
     def _run(self) -> None:
         watch = Watch(self._timing)
         while not self._stop.wait(self._timing.poll_s):
-            now_s = time.clock_gettime(time.CLOCK_BOOTTIME)
-            action = watch.poll(now_s, self._gate.ticks, self._gate.ours)
+            action = watch.poll(boot_clock(), self._gate.ticks, self._gate.ours)
             if action is Action.LEVEL:
                 self._gate.level_once()
-                self._report("dead_man_levelled")
+                self._say("dead_man_levelled")
             elif action is Action.LATCH and not self._gate.latched:
                 self._gate.latch()
-                self._report("dead_man_latched")
+                self._say("dead_man_latched")
+
+    def _say(self, event: str) -> None:
+        with contextlib.suppress(OSError, ValueError):  # a log that cannot be written must not end this thread
+            self._report(event)

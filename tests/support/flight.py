@@ -13,7 +13,7 @@ from daemon.goals.service import Caller
 from daemon.journal import Journal
 from daemon.loops.goal_book import GoalEntry
 from daemon.loops.grid import LoopAlarm
-from daemon.loops.trajectory_task import Progress
+from daemon.loops.goal_order import Progress
 from daemon.loops.vehicle import Vehicle
 from daemon.messages import FlightMode, Setpoint, Vec3
 from daemon.pipeline import Inputs, Record
@@ -125,7 +125,7 @@ def fly(
         loop = asyncio.get_running_loop()
         px4 = SimulatedPx4(airframe=load_airframe(airframe), seed=seed, noise=noise, parameters=parameters)
         autopilot = _Watched(px4)
-        vehicle = Vehicle(load([], config), autopilot, lambda: LoopAlarm(loop))
+        vehicle = Vehicle(load([], config), autopilot, lambda: LoopAlarm(loop), loop.time)
         hub = Hub()
         flight = Flight(px4, autopilot, vehicle, Service(vehicle, Reports(vehicle), hub, Journal(hub, None)), hub)
         autopilot.flight = flight

@@ -95,3 +95,51 @@ def test_the_thread_latches_a_loop_that_stands_still() -> None:
     dead_man.stop()
     assert gate.latched
     assert sender.modes == [FlightMode.HOLD]
+
+
+def test_a_gap_between_two_ticks_latches_before_the_setpoint_leaves() -> None:
+    sender, now = Sender(), [10.0]
+    gate = SetpointGate(sender, lambda: now[0], gap_s=0.3)
+    setpoint = Setpoint((0.1, 0.2, 0.3), 0.5)
+    assert gate.tick(setpoint, 0.5)
+    now[0] += 0.29
+    assert gate.tick(setpoint, 0.5)
+    now[0] += 0.31
+    assert not gate.tick(setpoint, 0.5)
+    assert gate.latched
+    assert len(sender.setpoints) == 2
+    assert sender.modes == [FlightMode.HOLD]
+
+
+def test_a_gap_while_the_vehicle_is_not_ours_is_nothing() -> None:
+    sender, now = Sender(), [10.0]
+    gate = SetpointGate(sender, lambda: now[0], gap_s=0.3)
+    gate.tick(None, 0.5)
+    now[0] += 100.0
+    gate.tick(None, 0.5)
+    assert not gate.latched
+    assert sender.modes == []
+
+
+def test_the_latch_asks_nothing_of_a_vehicle_that_is_not_ours() -> None:
+    sender = Sender()
+    gate = SetpointGate(sender)
+    gate.tick(None, 0.5)
+    gate.latch()
+    assert gate.latched
+    assert sender.modes == []
+
+
+def test_a_log_that_cannot_be_written_does_not_end_the_thread() -> None:
+    sender = Sender()
+    gate = SetpointGate(sender)
+
+    def broken(_event: str) -> None:
+        raise BrokenPipeError
+
+    timing = DeadManTiming(level_after_s=0.02, latch_after_s=0.05, clock_gap_s=10.0, poll_s=0.005)
+    gate.tick(Setpoint((0.0, 0.0, 0.0), 0.5), 0.5)
+    dead_man = DeadMan(gate, timing, broken)
+    dead_man.start()
+    assert sender.asked.wait(10.0), "levelling was reported first, and that failed"
+    dead_man.stop()

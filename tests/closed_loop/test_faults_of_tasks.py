@@ -1,0 +1,127 @@
+"""Tasks that die or stall in flight, and requests that the autopilot refuses: the vehicle is handed over, goals end."""
+
+from math import dist
+from typing import Any
+
+import pytest
+from support.flight import Flight, fly
+
+from daemon.autopilot.port import CommandRefusedError
+from daemon.loops.commander import NotPossibleError
+from daemon.messages import FlightMode
+from daemon.safety.supervisor import State
+from daemon.sim.faults import ArmingRefused, Fault, ModesRefused
+
+
+class DeliberateError(RuntimeError):
+    """What a test lets a task die of."""
+
+
+def _die(*_arguments: Any) -> None:
+    raise DeliberateError
+
+
+async def _under_way(flight: Flight) -> str:
+    await flight.airborne()
+    goal_id = await flight.goto(40.0, 0.0, -12.0)
+    await flight.until(lambda: flight.position[0] > 8.0)
+    return goal_id
+
+
+@pytest.mark.parametrize("dies", ["trajectory", "health", "control"])
+def test_a_task_that_dies_hands_the_vehicle_over_before_the_daemon_ends(
+    dies: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flights: list[Flight] = []
+
+    async def scenario(flight: Flight) -> None:
+        flights.append(flight)
+        await _under_way(flight)
+        if dies == "trajectory":
+            flight.vehicle.trajectory.tick = _die  # type: ignore[method-assign]
+        elif dies == "health":
+            monkeypatch.setattr("daemon.loops.health_task.notify", _die)
+        else:
+            monkeypatch.setattr("daemon.pipeline.step", _die)
+        await flight.until(lambda: False)
+
+    with pytest.raises(ExceptionGroup) as group:
+        fly(scenario)
+    assert group.group_contains(DeliberateError)
+    (flight,) = flights
+    assert flight.px4.mode is FlightMode.HOLD
+    assert [entry.outcome for entry in flight.ended] == ["aborted"]
+    assert flight.ended[0].reason == "task_failed"
+    assert flight.vehicle.gate.latched
+
+
+def test_a_trajectory_task_that_stalls_leaves_a_vehicle_that_brakes_and_holds() -> None:
+    async def scenario(flight: Flight) -> None:
+        await _under_way(flight)
+        since_s, place = flight.now_s, flight.position
+        flight.vehicle.trajectory.tick = lambda _now_s: None  # type: ignore[method-assign]
+        await flight.until(lambda: flight.now_s - since_s > 8.0)
+        assert dist(place, flight.position) < 15.0
+        assert dist((0.0, 0.0, 0.0), flight.px4.truth.velocity_ned_m_s) < 0.3
+        assert flight.state is State.TRACKING
+
+    fly(scenario)
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        (ModesRefused(modes=("offboard",)), "engage_refused"),
+        (ModesRefused(modes=("offboard", "hold")), "engage_refused"),
+    ],
+)
+def test_a_refused_offboard_ends_in_silence_and_hold_with_the_reason(fault: Fault, words: str) -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne(engage=False)
+        flight.px4.inject(fault)
+        with pytest.raises(CommandRefusedError, match=words):
+            await flight.vehicle.commander.engage()
+        count = len(flight.sent)
+        since_s = flight.now_s
+        await flight.until(lambda: flight.now_s - since_s > 3.0)
+        assert len(flight.sent) == count
+        assert flight.px4.mode is FlightMode.HOLD
+        assert flight.state is State.READY
+
+    fly(scenario)
+
+
+def test_a_goal_whose_engage_is_refused_ends_with_the_reason() -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne(engage=False)
+        flight.px4.inject(ModesRefused(modes=("offboard",)))
+        entry = await flight.result(await flight.goto(5.0, 0.0, -5.0))
+        assert entry.outcome == "aborted"
+        assert entry.reason is not None
+        assert entry.reason.startswith("engage_refused")
+        assert len(flight.ended) == 1
+
+    fly(scenario)
+
+
+@pytest.mark.parametrize("fault", [ArmingRefused(), ModesRefused(modes=("takeoff",))])
+def test_a_refused_take_off_says_so_and_leaves_the_vehicle_on_the_ground(fault: Fault) -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.until(lambda: flight.state is State.STANDBY and flight.records[-1].estimate.newest is not None)
+        flight.px4.inject(fault)
+        with pytest.raises((CommandRefusedError, NotPossibleError)):
+            await flight.vehicle.commander.takeoff(5.0)
+        assert flight.px4.truth.on_ground
+        assert flight.sent == []
+
+    fly(scenario)
+
+
+def test_the_wall_clock_may_step_an_hour_in_flight(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def scenario(flight: Flight) -> None:
+        goal_id = await _under_way(flight)
+        monkeypatch.setattr("time.time", lambda: 3600.0)
+        monkeypatch.setattr("time.time_ns", lambda: 3600 * 10**9)
+        assert (await flight.result(goal_id)).outcome == "succeeded"
+
+    fly(scenario)
