@@ -1,6 +1,6 @@
 """Whatever jerk is wanted, velocity, acceleration and jerk stay in bounds; unsaturated it is Fossen's filter."""
 
-from math import hypot
+from math import dist, hypot
 
 import numpy as np
 import pytest
@@ -85,6 +85,17 @@ def test_a_small_step_is_the_step_response_of_the_linear_filter(zeta: float) -> 
     flown = FilterPlan(start, (0.1, 0.05, -0.02), 0.0, MotionLimits(), parameters, step_s=0.001)
     found = np.array([flown.sample(float(t)).position_ned_m for t in times])
     assert found == pytest.approx(np.outer(expected, (0.1, 0.05, -0.02)), abs=2e-4)
+
+
+@pytest.mark.parametrize("velocity", [(5.0, -4.0, 0.0), (3.0, 4.8, 0.0)])
+def test_time_to_go_counts_the_way_back_of_a_start_that_passes_its_goal_by(velocity: tuple[float, ...]) -> None:
+    limits = MotionLimits(speed_m_s=12.0, acceleration_m_s2=1.5)
+    start = Reference(time_s=0.0, position_ned_m=ZERO3, velocity_ned_m_s=velocity)  # type: ignore[arg-type]
+    goal = (0.5, 0.8, 0.0)
+    flown = FilterPlan(start, goal, 0.0, limits, GuidanceParameters())
+    estimate_s = flown.end_s
+    on_the_way = [t for t in np.arange(0.0, 20.0, 0.1) if dist(flown.sample(float(t)).position_ned_m, goal) > 0.05]
+    assert 0.8 * max(on_the_way) < estimate_s < 1.3 * max(on_the_way)
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])

@@ -155,6 +155,10 @@ def test_turns_too_short_for_the_ramps_are_flown_slower() -> None:
     assert sum(map(dist, places, places[1:])) == pytest.approx(5.0 * phase, rel=1e-3)
 
 
+def test_hold_lasts_its_time_after_braking() -> None:
+    assert plan(START, GOALS["hold"], LIMITS, PARAMETERS).end_s == pytest.approx(brake(START, LIMITS).end_s + 4.0)
+
+
 def test_turns_and_direction_decide_where_a_circle_ends() -> None:
     on_circle = Reference(time_s=0.0, position_ned_m=(5.0, 10.0, -12.0))
     for clockwise, east in ((True, 15.0), (False, 5.0)):
