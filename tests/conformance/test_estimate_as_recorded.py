@@ -205,8 +205,8 @@ def test_noise_of_odometry_in_hover_is_that_of_the_recording(recording, flight):
         fields = ("attitude_quaternion", "lat", "lon", "alt", "vx", "vy", "vz", "rollspeed", "pitchspeed", "yawspeed")
         spread.append(noise_of(mine, simulated.column("HIL_STATE_QUATERNION", *fields)))
     innovation, step, rates = (np.mean([s[i] for s in spread], axis=0) for i in range(3))
-    assert innovation == pytest.approx(wanted[0], rel=0.75)  # 1 to 2 mm from sample to sample
-    assert step == pytest.approx(wanted[1], rel=1.0)  # 3 to 10 mm/s
+    assert innovation == pytest.approx(wanted[0], rel=0.4)  # 1 to 2 mm from sample to sample
+    assert step == pytest.approx(wanted[1], rel=0.5)  # 3 to 10 mm/s
     assert rates == pytest.approx(wanted[2], rel=0.25)  # 0.09, 0.045, 0.018 rad/s
 
 
