@@ -63,7 +63,7 @@ def clamp(value: float, low: float, high: float) -> float:
 
 def is_finite(values: tuple[float, ...]) -> bool:
     """True when no number is NaN or infinite."""
-    return all(isfinite(v) for v in values)
+    return all(map(isfinite, values))
 
 
 def wrap_pi(angle_rad: float) -> float:

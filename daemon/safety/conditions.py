@@ -1,6 +1,6 @@
 """What the supervisor's table looks at: named yes/no facts with bounds and hysteresis; pure."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import inf
 
 from daemon.frames import norm, tilt_of
@@ -102,11 +102,14 @@ class Lasting:
     active: bool = False
 
 
+_NEVER = Lasting()
+
+
 def lasting(memory: Lasting, value: float, bound: float, for_s: float, now_s: float, hysteresis: float) -> Lasting:
     """Active once ``value`` exceeded ``bound`` for ``for_s``, until below hysteresis times it. NaN exceeds."""
     limit = bound * hysteresis if memory.active else bound
     if value <= limit:
-        return Lasting()
+        return _NEVER
     since = min(memory.since_s, now_s)
     return Lasting(since, memory.active or now_s - since >= for_s)
 
@@ -116,19 +119,23 @@ class Memory:
     """Hysteresis of all bounds, and the autopilot's boot count at the last tick."""
 
     boot_count: int | None = None
-    variance: Lasting = Lasting()
-    disagreement: Lasting = Lasting()
-    tilt: Lasting = Lasting()
-    speed: Lasting = Lasting()
-    battery: Lasting = Lasting()
+    variance: Lasting = _NEVER
+    disagreement: Lasting = _NEVER
+    tilt: Lasting = _NEVER
+    speed: Lasting = _NEVER
+    battery: Lasting = _NEVER
 
 
-def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds) -> tuple[Memory, Conditions]:
-    """The conditions of this tick, without those about requests."""
+def in_flight(status: AutopilotStatus) -> bool:
+    """Armed and not said to be on the ground."""
+    return status.armed and status.landed is not LandedState.ON_GROUND
+
+
+def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds, **others: bool) -> tuple[Memory, Conditions]:
+    """The conditions of this tick; ``others`` are those about requests, by name."""
     memory = _remember(memory, facts, now_s, bounds)
     status = facts.status
     mode = status.mode
-    in_flight = status.armed and status.landed is not LandedState.ON_GROUND
     critical = status.system_status >= SystemStatus.CRITICAL
     differs = FlightMode.UNKNOWN is not status.intended_mode is not mode is not FlightMode.UNKNOWN
     hold = mode is FlightMode.HOLD
@@ -136,7 +143,7 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds) -> tupl
     return memory, Conditions(
         link=status.connected,
         armed=status.armed,
-        in_flight=in_flight,
+        in_flight=in_flight(status),
         landed=status.landed is LandedState.ON_GROUND,
         in_air=status.armed and status.landed is LandedState.IN_AIR,
         terminated=status.system_status >= SystemStatus.FLIGHT_TERMINATION,
@@ -164,6 +171,7 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds) -> tupl
         battery_low=memory.battery.active,
         goal_active=facts.goal_active,
         latched=facts.latched,
+        **others,
     )
 
 
@@ -176,17 +184,17 @@ def _remember(memory: Memory, facts: Facts, now_s: float, bounds: Bounds) -> Mem
     def over(last: Lasting, value: float, bound: float, for_s: float) -> Lasting:
         return lasting(last, value, bound, for_s, now_s, keep)
 
-    return replace(
-        memory,
-        boot_count=facts.status.boot_count,
-        variance=over(memory.variance, facts.position_variance_m2, bounds.position_variance_m2, 0.0),
-        disagreement=over(
+    after = Memory(
+        facts.status.boot_count,
+        over(memory.variance, facts.position_variance_m2, bounds.position_variance_m2, 0.0),
+        over(
             memory.disagreement,
             facts.disagreement_rad,
             bounds.attitude_disagreement_rad,
             bounds.attitude_disagreement_for_s,
         ),
-        tilt=over(memory.tilt, tilt_of(state.attitude_wb) if state else 0.0, bounds.tilt_rad, bounds.tilt_for_s),
-        speed=over(memory.speed, norm(state.velocity_ned_m_s) if state else 0.0, bounds.speed_m_s, bounds.speed_for_s),
-        battery=over(memory.battery, shortage, 0.0, bounds.battery_for_s),
+        over(memory.tilt, tilt_of(state.attitude_wb) if state else 0.0, bounds.tilt_rad, bounds.tilt_for_s),
+        over(memory.speed, norm(state.velocity_ned_m_s) if state else 0.0, bounds.speed_m_s, bounds.speed_for_s),
+        over(memory.battery, shortage, 0.0, bounds.battery_for_s),
     )
+    return memory if after == memory else after

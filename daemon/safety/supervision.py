@@ -11,7 +11,7 @@ from enum import Enum
 from math import inf
 
 from daemon.messages import AutopilotStatus, FlightMode, RequestKind, VehicleRequest
-from daemon.safety.conditions import Bounds, Conditions, Facts, Memory, evaluate
+from daemon.safety.conditions import Bounds, Conditions, Facts, Memory, evaluate, in_flight
 from daemon.safety.supervisor import FLYING, OURS, State, next_row
 
 
@@ -68,10 +68,11 @@ def step(
 ) -> tuple[Supervision, Conditions, tuple[FlightMode, ...]]:
     """One tick: the new supervision, the conditions it saw, and the modes to ask the autopilot for, in order."""
     rebooted = supervision.memory.boot_count not in (None, facts.status.boot_count)
-    memory, conditions = evaluate(supervision.memory, facts, now_s, bounds)
-    supervision = replace(supervision, memory=memory)
     fresh = request if request is not None and request.serial != supervision.serial else None
-    conditions = _with_requests(supervision, replace(conditions, rebooted=rebooted), facts.status, fresh, now_s, timing)
+    asked = _requests(supervision, facts.status, fresh, now_s, timing)
+    memory, conditions = evaluate(supervision.memory, facts, now_s, bounds, rebooted=rebooted, **asked)
+    if memory is not supervision.memory:
+        supervision = replace(supervision, memory=memory)
     modes: tuple[FlightMode, ...] = ()
     if fresh is not None:
         supervision = replace(supervision, serial=fresh.serial)
@@ -98,32 +99,28 @@ def drive(supervision: Supervision, conditions: Conditions) -> Drive:
     return Drive.LEVEL
 
 
-def _with_requests(
-    supervision: Supervision,
-    conditions: Conditions,
-    status: AutopilotStatus,
-    fresh: VehicleRequest | None,
-    now_s: float,
-    timing: Timing,
-) -> Conditions:
+def _requests(
+    supervision: Supervision, status: AutopilotStatus, fresh: VehicleRequest | None, now_s: float, timing: Timing
+) -> dict[str, bool]:
+    """The conditions about requests, by name."""
     kind = fresh.kind if fresh else None
     elapsed = now_s - supervision.since_s
     asked = supervision.asked_mode
     pending = asked is not None and now_s - supervision.asked_s <= timing.request_s
     confirmed = pending and status.mode is asked
+    flying = confirmed and in_flight(status)
     asking_s = 2.0 * timing.confirm_s
-    return replace(
-        conditions,
-        engage_asked=kind is RequestKind.ENGAGE,
-        release_asked=kind in (RequestKind.HOLD, RequestKind.LAND, RequestKind.RETURN),
-        hold_confirmed=confirmed and asked is FlightMode.HOLD and conditions.in_flight,
-        landing_confirmed=confirmed and asked in (FlightMode.LAND, FlightMode.RETURN) and conditions.in_flight,
-        takeoff_confirmed=confirmed and asked is FlightMode.TAKEOFF and conditions.armed,
-        release_confirmed=supervision.state is State.RELEASING and confirmed,
-        engage_over=elapsed > timing.engage_s,
-        release_levels=elapsed > asking_s,
-        release_over=elapsed > asking_s + timing.level_s,
-    )
+    return {
+        "engage_asked": kind is RequestKind.ENGAGE,
+        "release_asked": kind in (RequestKind.HOLD, RequestKind.LAND, RequestKind.RETURN),
+        "hold_confirmed": flying and asked is FlightMode.HOLD,
+        "landing_confirmed": flying and asked in (FlightMode.LAND, FlightMode.RETURN),
+        "takeoff_confirmed": confirmed and asked is FlightMode.TAKEOFF and status.armed,
+        "release_confirmed": supervision.state is State.RELEASING and confirmed,
+        "engage_over": elapsed > timing.engage_s,
+        "release_levels": elapsed > asking_s,
+        "release_over": elapsed > asking_s + timing.level_s,
+    }
 
 
 _MODE_OF = {

@@ -5,8 +5,10 @@ the state it leads to and the reason that people are told. The first row that fi
 Take-off, landing and return are the autopilot's own modes; what the daemon flies itself are the states of ``OURS``.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from operator import attrgetter
 
 from daemon.safety.conditions import Conditions
 
@@ -98,21 +100,23 @@ TABLE: tuple[Row, ...] = (
 )
 
 
-_ROWS_OF = {state: tuple(row for row in TABLE if state in row.states) for state in State}
+def _tests_of(row: Row) -> tuple[tuple[Callable[[Conditions], bool], bool], ...]:
+    """A row's conditions as getters, each with the value that it must have."""
+    return tuple((attrgetter(name.lstrip("!")), name[0] != "!") for name in row.when)
+
+
+_ROWS_OF = {state: tuple((row, _tests_of(row)) for row in TABLE if state in row.states) for state in State}
 
 
 def next_row(state: State, conditions: Conditions) -> Row | None:
     """The first row of the table that fits, or None when the state stays."""
-    for row in _ROWS_OF[state]:
-        if all(_holds(conditions, name) for name in row.when):
+    for row, tests in _ROWS_OF[state]:
+        for holds, wanted in tests:
+            if holds(conditions) != wanted:
+                break
+        else:
             return row
     return None
-
-
-def _holds(conditions: Conditions, name: str) -> bool:
-    if name[0] == "!":
-        return not getattr(conditions, name[1:])
-    return bool(getattr(conditions, name))
 
 
 def to_mermaid() -> str:
