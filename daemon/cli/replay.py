@@ -60,10 +60,12 @@ def _show(found: Comparison) -> None:
     if found.identical:
         say(f"identical to the last bit: {found.ticks} ticks{skipped}")
         return
-    say(f"{len(found.differences)} fields differ in {found.ticks} ticks{skipped}")
+    say(f"{len(found.differences) or 'no'} fields differ in {found.ticks} ticks{skipped}")
+    if found.unknown:
+        say(f"fields that only one side has: {', '.join(found.unknown)}")
+    if not found.differences:
+        return
     made = Table("field", "ticks", "first at, s", "largest difference")
     for difference in sorted(found.differences, key=lambda d: -d.ticks)[:SHOWN]:
         made.add_row(difference.field, f"{difference.ticks}", f"{difference.first_s:.2f}", f"{difference.largest:.3g}")
     Console().print(made)
-    if found.unknown:
-        say(f"fields that only one side has: {', '.join(found.unknown)}")

@@ -1,6 +1,7 @@
 """Reads flight records, whole or cut off: as arrays for the report, in order for the replay."""
 
 import json
+import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -95,7 +96,7 @@ def messages(file: Path) -> Iterator[Part]:
                 elif isinstance(record, Message) and channels[record.channel_id].topic.startswith("/flightd/"):
                     topic = channels[record.channel_id].topic
                     yield Part(topic, record.data, forms[record.channel_id], record.log_time)
-    except EndOfFile:
+    except (EndOfFile, struct.error):
         return
     except OSError as error:
         raise RecordError(f"{file}: {error.strerror}") from None

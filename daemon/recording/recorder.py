@@ -72,10 +72,10 @@ class Recorder:
         wall: Callable[[], float] = time.time,
     ) -> None:
         self._settings = settings
-        self._wall_s = wall() - clock()
+        self._clock = clock
+        self._wall = wall
         self._writer = RecordWriter(settings, about, self._wall_s)
         self._live: Live | None = None
-        self._clock = clock
         self._entries: deque[Step | Note] = deque()
         self._dropped = 0
         self._told_drops = 0
@@ -124,6 +124,10 @@ class Recorder:
         if self._thread.is_alive():
             self._thread.join(CLOSE_S)
 
+    def _wall_s(self) -> float:
+        """Wall time minus the loop's clock."""
+        return self._wall() - self._clock()
+
     def _note(self, kind: str, payload: dict[str, Any]) -> None:
         if len(self._entries) >= BACKLOG:
             self._dropped += 1
@@ -134,7 +138,7 @@ class Recorder:
     def _run(self) -> None:
         settings = self._settings
         if settings.live_port is not None:
-            self._live = Live(settings.live_port, self._wall_s, settings.path_poses, settings.period_s)
+            self._live = Live(settings.live_port, self._wall_s(), settings.path_poses, settings.period_s)
         while not self._closing:
             self._wake.wait(IDLE_S)
             self._wake.clear()

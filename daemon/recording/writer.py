@@ -25,9 +25,12 @@ log = logs.get("recorder")
 
 
 class RecordWriter:
-    """Takes steps in order, keeps the seconds before a flight, opens, flushes and rotates files; for one thread."""
+    """Takes steps in order, keeps the seconds before a flight, opens, flushes and rotates files; for one thread.
 
-    def __init__(self, settings: "RecordingSettings", about: Mapping[str, Any], wall_s: float) -> None:
+    ``wall`` is wall time minus the loop's clock, asked anew for each flight: a companion computer may learn it late.
+    """
+
+    def __init__(self, settings: "RecordingSettings", about: Mapping[str, Any], wall: Callable[[], float]) -> None:
         self.written = 0
         self.failures = 0
         self.flight: str | None = None
@@ -35,7 +38,8 @@ class RecordWriter:
         self._settings = settings
         self._about = about
         self._context = foxglove.Context()
-        self._topics = Topics(self._context, wall_s, settings.path_poses)
+        self._wall = wall
+        self._topics = Topics(self._context, wall(), settings.path_poses)
         self._before: deque[Step | Note] = deque(maxlen=max(1, round(settings.before_s / settings.period_s)))
         self._told = narrator.Told()
         self._sink: MCAPWriter | None = None
@@ -122,6 +126,7 @@ class RecordWriter:
         try:
             directory.mkdir(parents=True, exist_ok=True)
             if self.flight is None:
+                self._topics.wall_s = self._wall()
                 self.flight = files.flight_id(now_s + self._topics.wall_s, directory)
             self._part += 1
             files.make_room(directory, round((self._settings.keep_mb - self._settings.max_file_mb) * _MB))

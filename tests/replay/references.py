@@ -89,7 +89,7 @@ REFERENCES = {"px4_traffic": from_px4, "simulated_goals": from_simulation}
 def make(directory: Path) -> None:
     """Write all references."""
     for name, flown in REFERENCES.items():
-        writer = RecordWriter(RecordingSettings(directory=directory, when="always", path_poses=2), {}, WALL_S)
+        writer = RecordWriter(RecordingSettings(directory=directory, when="always", path_poses=2), {}, lambda: WALL_S)
         flown(writer)
         assert writer.file is not None
         file = writer.file

@@ -15,7 +15,7 @@ Run = Callable[..., list[Path]]
 
 
 def test_a_flight_with_a_reset_comes_out_the_same_to_the_last_bit(tmp_path: Path, fly: Callable[..., None]) -> None:
-    made = writer.RecordWriter(RecordingSettings(directory=tmp_path, when="always"), {}, 0.0)
+    made = writer.RecordWriter(RecordingSettings(directory=tmp_path, when="always"), {}, lambda: 0.0)
     fly(300, lambda *step: made.tick(writer.Step(*step)), reset_at=150)
     made.close()
     found = replay.compare(list(tmp_path.glob("*.mcap")))
@@ -30,7 +30,7 @@ def test_each_part_of_a_flight_can_be_replayed_alone(record: Run, monkeypatch: p
 
 
 def test_a_replay_goes_on_after_a_gap(tmp_path: Path, fly: Callable[..., None]) -> None:
-    made = writer.RecordWriter(RecordingSettings(directory=tmp_path, when="always"), {}, 0.0)
+    made = writer.RecordWriter(RecordingSettings(directory=tmp_path, when="always"), {}, lambda: 0.0)
     steps: list[Any] = []
     fly(200, lambda *step: steps.append(writer.Step(*step)))
     for step in steps[:90]:

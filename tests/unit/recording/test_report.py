@@ -71,7 +71,7 @@ def test_a_record_of_the_ground_alone_has_a_page_too(record: Run, tmp_path: Path
 
 
 def test_resets_and_refusals_are_counted(tmp_path: Path, fly: Callable[..., None]) -> None:
-    made = writer.RecordWriter(RecordingSettings(directory=tmp_path, when="always"), {}, 0.0)
+    made = writer.RecordWriter(RecordingSettings(directory=tmp_path, when="always"), {}, lambda: 0.0)
     fly(200, lambda *step: made.tick(Step(*step)), reset_at=120)
     made.close()
     found = flight.load(list(tmp_path.glob("*.mcap")))
