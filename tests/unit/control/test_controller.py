@@ -320,3 +320,51 @@ def test_turning_with_the_reference_is_fed_forward() -> None:
     # the thrust vector's horizontal part a = r w^2 turns at w: tilting rate a w / |f| and its lead are bounded by that
     length = hypot(radius * w * w, P.gravity_m_s2)
     assert hypot(x, y) == pytest.approx(radius * w**3 / length, rel=0.1)
+
+
+BARE = replace(P, disturbance_bandwidth_rad_s=0.0, velocity_bias_bandwidth_rad_s=0.0)
+
+
+def test_thrust_is_led_by_its_lag() -> None:
+    """Upward jerk j for a lag T: the command is ahead by j T."""
+    jerk, t = -4.0, 1.0
+    reference = Reference(t, HERE, jerk_ned_m_s3=(0.0, 0.0, jerk))
+    _, led, _ = controller.step(controller.initial(BARE), at(t), at(t), reference, DT, parameters=BARE)
+    plain = replace(BARE, lag_compensation=False)
+    _, unled, _ = controller.step(controller.initial(plain), at(t), at(t), reference, DT, parameters=plain)
+    assert unled.thrust == pytest.approx(P.hover_thrust)
+    expected = P.hover_thrust * (1.0 - jerk * P.thrust_lag_s / P.gravity_m_s2)
+    assert led.thrust == pytest.approx(expected)
+
+
+def test_feed_forward_rates_are_led_by_the_lag_of_the_rate_loop() -> None:
+    """A yaw rate that grows by a rad/s each second is commanded ahead by the lag, as the lead filter has it."""
+    lag_s, growth = 0.055, 1.0
+    p = replace(BARE, rate_lag_s=(lag_s, lag_s, lag_s), rate_slew_max_rad_s2=9000.0)
+    state = controller.initial(p)
+    for i in range(100):
+        t = i * DT
+        yaw, rate = 0.5 * growth * t * t, growth * t
+        now = at(t, attitude=frames.from_yaw(yaw))
+        reference = Reference(t, HERE, yaw_rad=yaw, yaw_rate_rad_s=rate)
+        state, setpoint, _ = controller.step(state, now, now, reference, DT, parameters=p)
+    lead_s = (setpoint.rates_frd_rad_s[2] - rate) / growth
+    assert 0.4 * lag_s < lead_s < lag_s
+
+
+def test_feed_forward_is_turned_into_the_body_of_now() -> None:
+    """The nose is a quarter turn off: what the wanted body does by pitching, the body of now does by rolling."""
+    t, off = 1.0, radians(90.0)
+    now = at(t, attitude=frames.from_yaw(off))
+    reference = Reference(t, HERE, jerk_ned_m_s3=(3.0, 0.0, 0.0))
+    _, _, record = controller.step(controller.initial(BARE), now, now, reference, DT, parameters=BARE)
+    pitch_rate = -3.0 / P.gravity_m_s2  # nose down to accelerate north
+    expected = frames.rotate_inverse(frames.from_yaw(off), (0.0, pitch_rate, 0.0))
+    assert record.feed_forward_frd_rad_s == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("bad", [nan, inf, -inf])
+def test_state_without_a_time_is_refused(bad: float) -> None:
+    state = controller.initial(P)
+    _, _, record = controller.step(state, at(1.0), at(bad), Reference(1.0, HERE), DT, parameters=P)
+    assert record.refused == ("predicted",)
