@@ -13,7 +13,7 @@ from daemon.goals.service import Caller, Identity
 from daemon.journal import Journal
 from daemon.loops.commander import Commander, NotPossibleError
 from daemon.loops.goal_book import GoalEntry
-from daemon.loops.trajectory_task import Progress
+from daemon.loops.goal_order import Progress
 from daemon.loops.vehicle import Vehicle
 from daemon.messages import LandedState
 from daemon.reports import Reports, goal_feedback, goal_record

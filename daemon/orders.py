@@ -27,7 +27,7 @@ from daemon.guidance.reachability import Reach, Refusal
 from daemon.guidance.shapes import Circle, Lemniscate, Shape
 from daemon.guidance.stream import StreamSample, sample_refusal
 from daemon.guidance.waypoint_modes import WaypointMode
-from daemon.loops.trajectory_task import GoalOrder
+from daemon.loops.goal_order import GoalOrder
 from daemon.messages import AutopilotStatus, ExternalPose, GlobalPosition, Quat, Reference, Vec3
 from daemon.safety.geofence import Geofence, violation
 

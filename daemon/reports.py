@@ -6,8 +6,8 @@ from math import degrees, isfinite
 from daemon.estimation import estimator
 from daemon.goals import results
 from daemon.loops.goal_book import GoalEntry
+from daemon.loops.goal_order import Progress
 from daemon.loops.grid import GridReport
-from daemon.loops.trajectory_task import Progress
 from daemon.loops.vehicle import Vehicle
 from daemon.safety.reasons import REASONS
 from daemon.safety.supervisor import State

@@ -15,8 +15,8 @@ from daemon.autopilot.mavsdk_link import MavsdkLink
 from daemon.config import Config, load
 from daemon.guidance.goals import ShapeGoal
 from daemon.guidance.shapes import Lemniscate
+from daemon.loops.goal_order import GoalOrder
 from daemon.loops.grid import live_alarm
-from daemon.loops.trajectory_task import GoalOrder
 from daemon.loops.vehicle import Vehicle
 from daemon.parameters import dead_man_timing
 from daemon.pipeline import Inputs, Record

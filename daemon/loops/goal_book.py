@@ -3,6 +3,8 @@
 from collections import OrderedDict
 from dataclasses import dataclass
 
+from daemon.goals.results import Outcome
+
 KEPT = 100
 
 
@@ -13,7 +15,7 @@ class GoalEntry:
     goal_id: str
     kind: str
     accepted_s: float
-    outcome: str | None = None
+    outcome: Outcome | None = None
     by: str | None = None
     reason: str | None = None
     error_m: float | None = None

@@ -6,22 +6,20 @@ the reference that is being flown, so position, velocity and acceleration go on 
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass
-from math import degrees
-from typing import Protocol
 
 from daemon import frames
+from daemon.goals.results import Outcome
 from daemon.guidance import planner
 from daemon.guidance.brake import brake
-from daemon.guidance.convergence import Tolerance, converged
-from daemon.guidance.goals import Goal, PathGoal, StreamGoal, Through, WaypointGoal
+from daemon.guidance.goals import StreamGoal
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters
 from daemon.guidance.plan import Plan, SequencePlan
 from daemon.guidance.stream import StreamSample, completed, follow
-from daemon.guidance.waypoint_modes import Pose, PoseError, WaypointMode, pose_error
 from daemon.latest import Latest
-from daemon.loops.goal_book import GoalBook, GoalEntry
+from daemon.loops.active_goal import ActiveGoal
+from daemon.loops.goal_book import GoalBook
+from daemon.loops.goal_order import GoalListener, GoalOrder, Progress
 from daemon.loops.grid import Grid
 from daemon.messages import (
     WINDOW_SPACING_S,
@@ -37,63 +35,6 @@ from daemon.safety.supervisor import FLYING, State
 
 PLANNING_S = 0.5  # a path planned beside the loop starts this far ahead; twice as far when that was too near
 WAITING = frozenset({State.READY, State.ENGAGING, State.PILOT, State.FAULT})
-REST_SPEED_M_S = 0.3
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GoalOrder:
-    """A goal as the service hands it over.
-
-    ``resolve`` makes it anew for an autopilot whose origin has moved; ``connection`` submitted it.
-    """
-
-    goal_id: str
-    kind: str
-    goal: Goal
-    limits: MotionLimits
-    timeout_s: float | None = None
-    resolve: Callable[[AutopilotStatus], Goal] | None = None
-    connection: int = 0
-
-    @property
-    def plans_long(self) -> bool:
-        """Whether planning it takes longer than a tick of the task may."""
-        return isinstance(self.goal, PathGoal) and self.goal.through is Through.FLY_BY
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """How far the active goal is; angles in radians."""
-
-    goal_id: str
-    kind: str
-    distance_m: float
-    angle_rad: float
-    progress: float
-    eta_s: float
-
-
-class GoalListener(Protocol):
-    """Who is told what becomes of goals."""
-
-    def goal_progress(self, progress: Progress) -> None:
-        """At each tick of the task while a goal is active."""
-
-    def goal_ended(self, entry: GoalEntry) -> None:
-        """Exactly once for each goal."""
-
-
-@dataclass(slots=True)
-class _Active:
-    order: GoalOrder
-    entry: GoalEntry
-    plan: Plan | None = None
-    within_since_s: float | None = None
-    reached_s: float | None = None
-    canceled: bool = False
-    ahead: "asyncio.Task[None] | None" = None
-    streamed: StreamSample | None = None
-    flying_since_s: float = 0.0
 
 
 class TrajectoryTask:
@@ -121,7 +62,7 @@ class TrajectoryTask:
         self._limits = limits
         self._parameters = parameters
         self._count = round(window_s / WINDOW_SPACING_S)
-        self._active: _Active | None = None
+        self._active: ActiveGoal | None = None
         self._rest: Plan | None = None
         self._shift = FrameShift()
         self._failure: Exception | None = None
@@ -147,7 +88,7 @@ class TrajectoryTask:
         now_s = asyncio.get_running_loop().time()
         preempted = self.goal_id
         self._end("preempted", by=order.goal_id)
-        self._active = _Active(order, self.book.open(order.goal_id, order.kind, now_s))
+        self._active = ActiveGoal(order, self.book.open(order.goal_id, order.kind, now_s))
         self.wake()
         return preempted
 
@@ -226,7 +167,6 @@ class TrajectoryTask:
         self._follow_resets(record.estimate.shift)
         plan = self._current_plan(record.reference)
         if self._active is not None and record.estimate.newest is not None:
-            self._active.flying_since_s = self._active.flying_since_s or now_s
             self._judge(self._active, plan, record.estimate.newest, now_s)
             plan = self._current_plan(record.reference)
         self.plan.set(plan)
@@ -280,13 +220,13 @@ class TrajectoryTask:
         goal = order.resolve(self._status.value) if order.resolve else order.goal
         return planner.plan(start, goal, order.limits, self._parameters())
 
-    def _plan_ahead(self, active: _Active, flown: Reference) -> None:
+    def _plan_ahead(self, active: ActiveGoal, flown: Reference) -> None:
         """Plan beside the loop, from where the plan that is being flown will be then."""
         before = self.plan.value or brake(flown, self._limits())
         self._rest = before
         active.ahead = asyncio.get_running_loop().create_task(self._plan_beside(active, before, self._shift.count))
 
-    async def _plan_beside(self, active: _Active, before: Plan, shift_count: int) -> None:
+    async def _plan_beside(self, active: ActiveGoal, before: Plan, shift_count: int) -> None:
         loop = asyncio.get_running_loop()
         lead_s = PLANNING_S
         while self._active is active and active.plan is None:
@@ -300,65 +240,15 @@ class TrajectoryTask:
         active.ahead = None
         self.wake()
 
-    def _judge(self, active: _Active, plan: Plan, state: EstimatedState, now_s: float) -> None:
-        """Progress, convergence, time-out, and the end of a canceled goal."""
-        order = active.order
-        waypoint = order.goal if isinstance(order.goal, WaypointGoal) else None
-        mode = waypoint.mode if waypoint else WaypointMode.FULL_POSE
-        target = plan.target
-        error = pose_error(
-            mode,
-            Pose(state.position_ned_m, frames.from_yaw(frames.yaw_of(state.attitude_wb))),
-            Pose(target.position_ned_m, frames.from_yaw(target.yaw_rad)),
-        )
-        active.entry.error_m, active.entry.error_deg = error.position_m, degrees(error.angle_rad)
-        self.progress = Progress(
-            order.goal_id, order.kind, error.position_m, error.angle_rad, plan.progress(now_s), plan.end_s - now_s
-        )
-        speed = frames.norm(state.velocity_ned_m_s)
-        if active.canceled:
-            if now_s >= plan.end_s and speed < REST_SPEED_M_S:
-                self._finish("canceled", plan)
-            return
-        if isinstance(order.goal, StreamGoal):
-            heard_s = active.streamed.stamp_s if active.streamed else active.flying_since_s
-            if now_s - heard_s > order.goal.timeout_s:
-                self._end("aborted", reason="stream_timeout")
-                return
-        if order.timeout_s is not None and now_s - active.entry.accepted_s >= order.timeout_s:
-            self._end("aborted", reason="timeout")
-            return
-        if active.ahead is None and not isinstance(order.goal, StreamGoal):
-            self._judge_convergence(active, plan, error, speed, now_s)
+    def _judge(self, active: ActiveGoal, plan: Plan, state: EstimatedState, now_s: float) -> None:
+        self.progress, verdict = active.judge(plan, state, now_s)
+        if verdict is not None:
+            self._end(verdict.outcome, reason=verdict.reason)
+            self._rest = plan if verdict.stays else None
 
-    def _judge_convergence(
-        self,
-        active: _Active,
-        plan: Plan,
-        error: PoseError,
-        speed_m_s: float,
-        now_s: float,
-    ) -> None:
-        goal = active.order.goal
-        last = goal.waypoints[-1] if isinstance(goal, PathGoal) else goal
-        if active.reached_s is None:
-            if not isinstance(goal, WaypointGoal) and now_s < plan.end_s:
-                return
-            criterion = last.convergence if isinstance(last, WaypointGoal) else Tolerance()
-            active.within_since_s, reached = converged(criterion, active.within_since_s, error, speed_m_s, now_s)
-            if not reached:
-                return
-            active.reached_s = now_s
-        if now_s - active.reached_s >= (goal.hold_s if isinstance(goal, WaypointGoal) else 0.0):
-            self._finish("succeeded", plan)
-
-    def _finish(self, outcome: str, plan: Plan) -> None:
-        """The goal ended where its plan leads: the plan goes on as the place to hold."""
-        self._end(outcome)
-        self._rest = plan
-
-    def _end(self, outcome: str, *, by: str | None = None, reason: str | None = None) -> None:
+    def _end(self, outcome: Outcome, *, by: str | None = None, reason: str | None = None) -> None:
         active, self._active, self.progress = self._active, None, None
+        self._rest = None
         if active is None:
             return
         entry = active.entry
