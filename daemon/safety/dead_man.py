@@ -17,6 +17,7 @@ from typing import Protocol
 from daemon.messages import FlightMode, Setpoint
 
 NO_RATES = (0.0, 0.0, 0.0)
+AUTOPILOT_ACTS_S = 1.0  # COM_OF_LOSS_T: the autopilot's own failsafe, or a pilot, has the vehicle by then
 
 
 class Sender(Protocol):
@@ -76,12 +77,15 @@ class SetpointGate:
                 self._sender.send_setpoint(Setpoint(NO_RATES, self.hover_thrust))
 
     def latch(self) -> None:
-        """Shut the gate, then command Hold if the vehicle is ours."""
+        """Shut the gate, then command Hold if the vehicle is ours.
+
+        After a silence of ``AUTOPILOT_ACTS_S`` nothing is commanded: what has the vehicle by then keeps it.
+        """
         with self._lock:
             if self.latched:
                 return
             self.latched = True
-        if self.ours:
+        if self.ours and self._clock() - self._ticked_s <= AUTOPILOT_ACTS_S:
             self._sender.request_mode(FlightMode.HOLD)
 
     def unlatch(self) -> None:

@@ -182,12 +182,25 @@ def _continue(
         due = supervision.asks == 0 or (refused and now_s - supervision.asked_s >= timing.retry_s)
         if elapsed >= timing.match_s and due:
             return _ask(supervision, FlightMode.OFFBOARD, now_s)
+    if _stalled_and_still_offboard(supervision, status, timing):
+        return replace(supervision, asks=1), (FlightMode.HOLD,)
     if supervision.state is State.RELEASING:
         if not supervision.landing_asked and (refused or elapsed > timing.confirm_s):
             return _ask(replace(supervision, landing_asked=True), FlightMode.LAND, now_s)
         if supervision.asked_mode is not None and not refused and now_s - supervision.asked_s >= timing.repeat_s:
             return _ask(supervision, supervision.asked_mode, now_s)
     return supervision, ()
+
+
+def _stalled_and_still_offboard(supervision: Supervision, status: AutopilotStatus, timing: Timing) -> bool:
+    """The dead-man's Hold was lost; only a heartbeat of now tells who has the vehicle."""
+    return (
+        supervision.state is State.FAULT
+        and supervision.reason == "control_stalled"
+        and supervision.asks == 0
+        and status.mode is FlightMode.OFFBOARD
+        and status.heartbeat_s > supervision.since_s + timing.confirm_s
+    )
 
 
 def _ask(supervision: Supervision, mode: FlightMode, now_s: float) -> tuple[Supervision, tuple[FlightMode, ...]]:

@@ -111,6 +111,16 @@ def test_a_gap_between_two_ticks_latches_before_the_setpoint_leaves() -> None:
     assert sender.modes == [FlightMode.HOLD]
 
 
+def test_after_a_gap_in_which_the_autopilot_or_a_pilot_took_the_vehicle_nothing_is_commanded() -> None:
+    sender, now = Sender(), [10.0]
+    gate = SetpointGate(sender, lambda: now[0], gap_s=0.3)
+    gate.tick(Setpoint((0.1, 0.2, 0.3), 0.5), 0.5)
+    now[0] += 1.2
+    gate.check_gap()
+    assert gate.latched
+    assert sender.modes == []
+
+
 def test_a_gap_while_the_vehicle_is_not_ours_is_nothing() -> None:
     sender, now = Sender(), [10.0]
     gate = SetpointGate(sender, lambda: now[0], gap_s=0.3)

@@ -309,6 +309,24 @@ def test_the_latch_silences_before_everything_and_only_engage_comes_back() -> No
     assert rig.tick() is State.ENGAGING
 
 
+def test_a_stalled_task_asks_for_hold_once_more_when_a_heartbeat_of_now_still_shows_offboard() -> None:
+    rig = tracking().status(IN_OFFBOARD, heartbeat_s=0.0).set(latched=True)
+    assert rig.tick(100) is State.FAULT
+    assert rig.asked == [], "an old heartbeat does not tell who has the vehicle"
+    rig.status(IN_OFFBOARD, heartbeat_s=rig.now_s)
+    rig.tick(100)
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD]
+
+
+def test_a_stalled_task_asks_nothing_of_a_vehicle_that_somebody_else_took() -> None:
+    rig = tracking().set(latched=True)
+    rig.tick()
+    for mode in (FlightMode.POSITION, FlightMode.RETURN):
+        rig.status(IN_OFFBOARD, mode=mode, heartbeat_s=rig.now_s + 1.0)
+        rig.tick(200)
+    assert rig.asked == []
+
+
 def test_a_lost_link_silences_asks_hold_once_and_the_vehicle_is_not_taken_back() -> None:
     rig = tracking().status(IN_OFFBOARD, connected=False)
     assert rig.tick() is State.DISCONNECTED
