@@ -21,6 +21,7 @@ from daemon.goals.client_errors import FlightError, NoDaemonError
 from daemon.goals.goal import Result
 from daemon.recording import analysis, flight
 from daemon.recording.codec import RecordError
+from daemon.recording.files import in_order
 
 START_TRIES, START_RETRY_S = 150, 0.1
 WHOLE_S = 180.0
@@ -85,7 +86,7 @@ async def _fly(out: Path, px4: str | None) -> tuple[list[Result], list[Path]]:
                 tell("stopping", False)
         except TimeoutError:
             raise DemoError(f"took too long: {status.status}; logs are in {out}") from None
-    files = sorted(set(records.glob("*.mcap")) - before)
+    files = in_order(list(set(records.glob("*.mcap")) - before))
     if not files:
         raise DemoError(f"the daemon wrote no flight record into {records}")
     return results, files

@@ -14,6 +14,7 @@ from daemon.cli.report import RECORDS
 from daemon.config import Config, ConfigError
 from daemon.pipeline import Parameters
 from daemon.recording.codec import RecordError
+from daemon.recording.files import in_order
 from daemon.recording.replay import Comparison, compare
 
 SHOWN = 25
@@ -39,7 +40,7 @@ def replay(
     """
     try:
         changed = config.load(configs) if configs else None
-        found = compare(records, None if changed is None else lambda recorded: _with(recorded, changed))
+        found = compare(in_order(records), None if changed is None else lambda recorded: _with(recorded, changed))
     except (RecordError, ConfigError) as error:
         fail(Exit.REFUSED, str(error), as_json)
     if as_json:

@@ -7,6 +7,7 @@ import typer
 
 from daemon.cli.common import Exit, JsonOption, fail, say, say_json
 from daemon.recording.codec import RecordError
+from daemon.recording.files import in_order
 
 RECORDS = "Flight record (.mcap); the parts of one flight in order."
 
@@ -27,7 +28,7 @@ def report(
     except ImportError:
         fail(Exit.REFUSED, "the report needs matplotlib: pip install 'flightd[report]'", as_json)
     try:
-        page = write_report(records, out)
+        page = write_report(in_order(records), out)
     except (RecordError, OSError) as error:
         fail(Exit.REFUSED, str(error), as_json)
     if as_json:

@@ -22,6 +22,16 @@ def part_path(directory: Path, flight: str, part: int) -> Path:
     return directory / f"{flight}-part{part}.mcap"
 
 
+def in_order(records: list[Path]) -> list[Path]:
+    """Records by flight and part; a shell sorts part 10 before part 2."""
+
+    def key(file: Path) -> tuple[str, int]:
+        flight, _, part = file.stem.rpartition("-part")
+        return (flight, int(part)) if part.isdecimal() else (file.stem, 0)
+
+    return sorted(records, key=key)
+
+
 def make_room(directory: Path, keep_bytes: int) -> list[Path]:
     """Remove the oldest records until all together fit, and return them; other files are left alone."""
     records = sorted((f.stat().st_mtime, f.name, f) for f in directory.iterdir() if _NAME.fullmatch(f.name))
