@@ -67,7 +67,7 @@ def step(
     if "predicted" not in refused and abs(predicted.time_s - state.time_s) > RESTART_S:
         state = ControlState(state.time_s, None, VehicleModel(hover_thrust=state.model.hover_thrust))
     model = state.model if "estimate" in refused else vehicle_model.observed(state.model, estimate, p)
-    state = replace(state, model=model)
+    state = ControlState(state.time_s, state.setpoint, model, state.memory)
     if "predicted" in refused:
         flow = Flow(blind(state, parameters=p), state.memory, ControlRecord())
         last = state.setpoint or flow.setpoint
@@ -81,14 +81,20 @@ def step(
     setpoint, limited = _limited(flow.setpoint, last, model.hover_thrust, dt_s, p)
     time_s = state.time_s if "predicted" in refused else predicted.time_s
     model = vehicle_model.commanded(model, time_s, setpoint.thrust)
-    record = replace(
-        flow.record,
-        refused=refused,
-        limited=flow.record.limited + limited,
-        disturbance_ned_m_s2=model.disturbance_ned_m_s2,
-        velocity_bias_ned_m_s=model.velocity_bias_ned_m_s,
-        hover_thrust=model.hover_thrust,
-        acceleration_ned_m_s2=model.acceleration_ned_m_s2,
+    seen = flow.record
+    record = ControlRecord(
+        refused,
+        seen.limited + limited,
+        seen.position_error_ned_m,
+        seen.velocity_error_ned_m_s,
+        seen.feedback_ned_m_s2,
+        seen.thrust_ned_m_s2,
+        seen.desired_wb,
+        seen.feed_forward_frd_rad_s,
+        model.disturbance_ned_m_s2,
+        model.velocity_bias_ned_m_s,
+        model.hover_thrust,
+        model.acceleration_ned_m_s2,
     )
     return ControlState(time_s, setpoint, model, flow.memory), setpoint, record
 

@@ -21,7 +21,8 @@ def feedback(
     than ``approach_max_m_s`` (horizontally by norm, vertically); the sum saturates by norm.
     """
     kp, kv = position_gain_1_s2, velocity_gain_1_s
-    px, py, pz = (kp[i] * position_error_ned_m[i] for i in range(3))
+    ex, ey, ez = position_error_ned_m
+    px, py, pz = kp[0] * ex, kp[1] * ey, kp[2] * ez
     horizontal, limit = hypot(px, py), approach_max_m_s * min(kv[0], kv[1])
     if horizontal > limit:
         px, py = px * limit / horizontal, py * limit / horizontal

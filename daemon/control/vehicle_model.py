@@ -49,7 +49,10 @@ def commanded(model: VehicleModel, acts_s: float, thrust: float) -> VehicleModel
         first += 1
     while first < end and commands[end - 1][0] >= acts_s:
         end -= 1
-    return replace(model, commands=(*commands[first:end], (acts_s, thrust)))
+    commands = (*commands[first:end], (acts_s, thrust))
+    return VehicleModel(
+        model.hover_thrust, commands, model.thrust, model.by_velocity, model.by_position, model.acceleration_ned_m_s2
+    )
 
 
 def observed(model: VehicleModel, estimate: EstimatedState, p: ControlParameters) -> VehicleModel:
@@ -145,4 +148,4 @@ def _with_hover_learned(
         gravity_m_s2=p.gravity_m_s2,
     )
     learned = clamp(thrust_map.command_of(force, p.thrust_curve), *_HOVER_RANGE)
-    return learned, replace(by_velocity, unexplained=(x, y, left))
+    return learned, Observer(by_velocity.time_s, by_velocity.quantity, by_velocity.derivative, (x, y, left))

@@ -78,7 +78,9 @@ def _turned(
     state: EstimatedState, commands: tuple[SentRates, ...], dt_s: float, parameters: PredictorParameters
 ) -> tuple[Vec3, Vec3]:
     """Mean body rates over ``dt_s`` and rates at its end."""
-    (mean_x, x), (mean_y, y), (mean_z, z) = (_axis(axis, state, commands, dt_s, parameters) for axis in (0, 1, 2))
+    mean_x, x = _axis(0, state, commands, dt_s, parameters)
+    mean_y, y = _axis(1, state, commands, dt_s, parameters)
+    mean_z, z = _axis(2, state, commands, dt_s, parameters)
     return (mean_x, mean_y, mean_z), (x, y, z)
 
 
