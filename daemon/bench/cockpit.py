@@ -1,4 +1,4 @@
-"""The control task with its commander on any autopilot, fed with the references of a manoeuvre instead of a goal's."""
+"""A vehicle's control task and commander on any autopilot, fed with a manoeuvre's references instead of a goal's."""
 
 import asyncio
 from collections.abc import Callable
@@ -8,10 +8,8 @@ from daemon.autopilot.port import Autopilot
 from daemon.bench.manoeuvres import Manoeuvre, moved
 from daemon.config import Config
 from daemon.frames import tilt_of, yaw_of
-from daemon.latest import Latest
-from daemon.loops.commander import Commander, CommandTimeouts
-from daemon.loops.control_task import ControlTask
-from daemon.loops.grid import Alarm, Grid
+from daemon.loops.grid import Alarm
+from daemon.loops.vehicle import Vehicle
 from daemon.messages import (
     WINDOW_SPACING_S,
     AutopilotStatus,
@@ -20,10 +18,8 @@ from daemon.messages import (
     Reference,
     ReferenceWindow,
     Vec3,
-    VehicleRequest,
 )
 from daemon.pipeline import Inputs, Parameters, Record
-from daemon.safety.dead_man import SetpointGate
 from daemon.safety.supervisor import FLYING, State
 
 READY_S = 60.0
@@ -71,25 +67,15 @@ class Cockpit:
         truth_at: Callable[[Odometry], Vec3 | None] = lambda _odometry: None,
         stamp_s: Callable[[Odometry], float | None] = lambda _odometry: None,
     ) -> None:
-        self.autopilot = autopilot
-        self.parameters = Latest(parameters)
-        self.record: Latest[Record | None] = Latest(None)
+        self._vehicle = Vehicle(config, autopilot, alarm, asyncio.get_running_loop().time)
+        self._vehicle.parameters.set(parameters)
         self.reference_at: Callable[[float], Reference] | None = None
-        request: Latest[VehicleRequest | None] = Latest(None)
-        self._window: Latest[ReferenceWindow | None] = Latest(None)
-        gate = SetpointGate(autopilot)
-        self.control = ControlTask(
-            autopilot,
-            gate,
-            Grid(1.0 / config.loops.control_rate_hz, alarm()),
-            self.record,
-            self._window,
-            request,
-            self.parameters,
-            config.safety.clock_gap_s,
-        )
-        self.commander = Commander(autopilot, gate, self.record, request, CommandTimeouts())
-        self.control.listeners.append(self._on_tick)
+        self._autopilot = autopilot
+        self._control = self._vehicle.control
+        self._control.listeners[:] = [self._on_tick]
+        self._window = self._vehicle.trajectory.window
+        self._record = self._vehicle.record
+        self.commander = self._vehicle.commander
         self._truth_at = truth_at
         self._stamp_s = stamp_s
         self._flown = Flown()
@@ -100,13 +86,13 @@ class Cockpit:
     @property
     def status(self) -> AutopilotStatus:
         """What the autopilot says of itself."""
-        return self.autopilot.status.value
+        return self._autopilot.status.value
 
     async def run(self) -> None:
         """Run link and control until cancelled."""
         async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(self.autopilot.run())
-            tasks.create_task(self.control.run())
+            tasks.create_task(self._autopilot.run())
+            tasks.create_task(self._control.run())
 
     async def airborne(self, height_m: float) -> None:
         """Wait for the vehicle; take off when it is on the ground."""
@@ -128,7 +114,7 @@ class Cockpit:
 
     def here(self, time_s: float) -> Reference | None:
         """Rest where the vehicle is."""
-        record = self.record.value
+        record = self._record.value
         newest = record.estimate.newest if record else None
         if newest is None:
             return None
@@ -138,7 +124,7 @@ class Cockpit:
         """Engage, settle, fly the manoeuvre, hand back to Hold. ``begin`` is called when the manoeuvre begins."""
         self._flown, self._begun_s, self._engaged_height_m = Flown(), None, None
         self._window.set(None)
-        self.parameters.set(parameters)
+        self._vehicle.parameters.set(parameters)
         self.reference_at = None
         self._engaged_height_m = self._height_m()
         await self.commander.engage()
@@ -157,7 +143,7 @@ class Cockpit:
     async def _feed(self, manoeuvre: Manoeuvre, flown: Flown) -> None:
         """Publish windows ten times a second until the manoeuvre is over or the vehicle is no longer ours."""
         loop = asyncio.get_running_loop()
-        record = self.record.value
+        record = self._record.value
         assert record is not None and record.reference is not None
         start, shift = record.reference, record.estimate.shift
         begun_s = loop.time() + _LEAD_S
@@ -171,18 +157,18 @@ class Cockpit:
         self._begun_s = begun_s
         while loop.time() < begun_s + manoeuvre.duration_s:
             if self.commander.state not in FLYING:
-                flown.lost = record.supervision.reason if (record := self.record.value) else "disconnected"
+                flown.lost = record.supervision.reason if (record := self._record.value) else "disconnected"
                 break
             self._window.set(_window(at, loop.time(), shift))
             await asyncio.sleep(_PUBLISH_S)
         self.reference_at = None
 
     def _estimated(self) -> bool:
-        record = self.record.value
+        record = self._record.value
         return record is not None and record.estimate.newest is not None
 
     def _height_m(self) -> float | None:
-        odometry = self.autopilot.odometry.value
+        odometry = self._autopilot.odometry.value
         if odometry is None:
             return None
         truth = self._truth_at(odometry)
@@ -203,7 +189,7 @@ class Cockpit:
             stamp_s = record.estimate.newest.time_s
         if stamp_s < self._begun_s:
             return
-        self._flown.step_s.append(self.control.step_s)
+        self._flown.step_s.append(self._control.step_s)
         self._flown.samples.append(
             Sample(
                 stamp_s - self._begun_s,
