@@ -111,9 +111,9 @@ class FlightClient:
     async def telemetry(self, *topics: str, rate_hz: float = 10.0) -> AsyncIterator[Telemetry]:
         """Notifications of the topics, from now on; one that is not taken in time is dropped for newer ones."""
         listener = _Listener(frozenset(topics), rate_hz, asyncio.Queue(TELEMETRY_QUEUE))
-        await self._read("telemetry.subscribe", topics=sorted(topics), rate_hz=rate_hz)
-        self._listeners.append(listener)
+        self._listeners.append(listener)  # first: what comes with the reply counts too
         try:
+            await self._read("telemetry.subscribe", topics=sorted(topics), rate_hz=rate_hz)
             while True:
                 item = await listener.queue.get()
                 if isinstance(item, NoDaemonError):

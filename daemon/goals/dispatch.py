@@ -26,6 +26,7 @@ from daemon.goals.session import Session
 
 log = structlog.get_logger(__name__)
 
+BATCH_PAUSE_S = 0.001
 INTERNAL = "something went wrong inside the daemon; its log says what"
 
 
@@ -36,6 +37,7 @@ class Dispatcher:
         self._service = service
         self._hub = hub
         self._tasks: set[asyncio.Task[None]] = set()
+        self._batch_turn = asyncio.Lock()
 
     def handle(self, session: Session, line: bytes) -> None:
         """Start what a line asks for; the reply follows when it is done."""
@@ -103,6 +105,7 @@ class Dispatcher:
         replies: list[bytes] = []
         goal_ids: list[str] = []
         for message in messages:
+            await self._slot()
             item = interpret(message, operator=session.caller.operator)
             if isinstance(item, Call) and not item.method.notification:
                 reply, goal_id = await self._call(session, item)
@@ -110,11 +113,15 @@ class Dispatcher:
                 goal_ids += [goal_id] if goal_id is not None else []
             elif (refusal := self._answer_now(session, item)) is not None:
                 replies.append(refusal)
-            await asyncio.sleep(0)  # one message a pass of the loop, however long the batch
         if replies:
             session.send(encode_batch(replies), essential=True)
         for goal_id in goal_ids:
             self._hub.goal_answered(goal_id)
+
+    async def _slot(self) -> None:
+        """Wait until the next message of a batch may be done: one every ``BATCH_PAUSE_S``, of all batches in turn."""
+        async with self._batch_turn:
+            await asyncio.sleep(BATCH_PAUSE_S)
 
     async def _call(self, session: Session, call: Call) -> tuple[bytes, str | None]:
         """Reply of one request, and the id of the goal that it submitted."""

@@ -142,6 +142,21 @@ async def test_telemetry_of_a_topic_is_iterated_over(path):
         assert not daemon.hub._gates["events"]
 
 
+async def test_event_that_comes_with_the_reply_to_the_subscription_is_not_lost(path):
+    async with serving(path) as daemon, FlightClient(path) as flight:
+        subscribe = daemon.hub.subscribe
+
+        def subscribe_and_publish(*arguments):
+            topics = subscribe(*arguments)
+            daemon.hub.event("reset", "at once")
+            return topics
+
+        daemon.hub.subscribe = subscribe_and_publish
+        stream = flight.telemetry("events")
+        assert (await asyncio.wait_for(anext(stream), 10)).data["text"] == "at once"
+        await stream.aclose()
+
+
 async def test_stream_sends_references_and_hears_of_refused_ones(path):
     async with serving(path) as daemon, FlightClient(path) as flight:
         goal = await flight.stream()

@@ -224,7 +224,7 @@ envelopes = st.fixed_dictionaries(
 )  # fmt: skip
 
 
-@settings(deadline=None, max_examples=1500)
+@settings(deadline=None, max_examples=600)
 @given(st.binary(max_size=200) | (envelopes | json_values).map(lambda v: json.dumps(v).encode()), st.booleans())
 def test_no_line_does_more_than_be_refused(line, operator):
     try:

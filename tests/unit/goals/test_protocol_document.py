@@ -33,7 +33,7 @@ async def play(path, block):
             played.append(line)
             end = {"jsonrpc": "2.0", "id": "end", "method": "system.info"}
             writer.write(line[2:].encode() + b"\n")
-            for _ in range(2):  # the second comes after what the first line set going
+            for _ in range(10):  # the last comes after what the line set going, a batch too
                 writer.write(json.dumps(end).encode() + b"\n")
                 while (answer := json.loads(await reader.readline())) and not is_end(answer):
                     played.append("< " + json.dumps(answer))
