@@ -27,6 +27,7 @@ COMMANDS = {
     "sim": "sim",
     "demo": "demo",
     "bench": "bench",
+    "tune": "tune",
     "report": "report",
     "replay": "replay",
 }

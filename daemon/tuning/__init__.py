@@ -1,0 +1,1 @@
+"""Measures a hovering vehicle by small pulses, and proposes the gains that follow."""
