@@ -356,6 +356,17 @@ def test_a_rebooted_autopilot_is_met_anew() -> None:
     assert rig.drive is Drive.SILENT
 
 
+def test_hold_after_a_failsafe_counts_when_the_next_heartbeat_no_longer_shows_it() -> None:
+    rig = Rig().status(IN_OFFBOARD, mode=FlightMode.RETURN, system_status=SystemStatus.CRITICAL)
+    assert rig.tick(5) is State.FAULT
+    rig.ask(RequestKind.HOLD)
+    rig.tick()
+    rig.status(IN_HOLD, system_status=SystemStatus.CRITICAL)
+    assert rig.tick(80) is State.FAULT
+    rig.status(IN_HOLD)
+    assert rig.tick(5) is State.READY
+
+
 def test_hold_can_be_asked_for_after_a_pilot_let_go() -> None:
     rig = Rig().status(IN_HOLD)
     rig.tick()
