@@ -4,6 +4,7 @@ Ids (hashes of the events' names), log levels and the layout of the arguments ar
 """
 
 from collections.abc import Callable
+from math import nan
 from typing import Any
 
 from daemon.messages import FlightMode
@@ -92,6 +93,14 @@ class Announcer:
             identifier, levels, states, component = CHECKS[name]
             self._event(identifier, levels, states.to_bytes(4, "little") + bytes([component]))
         self.say("checks_end", bytes(5))
+
+    def stow_gimbal(self, system_id: int) -> None:
+        """PX4 sends gimbal commands to the link at a landing; a companion must not take them as its own."""
+        nothing = [nan] * 4
+        for number, values in ((1001, [system_id, 1, -1, -1, 0, 0, 0]), (1000, [*nothing, 2, 0, 0])):
+            fields = {"target_system": system_id, "target_component": 0, "command": number}
+            parameters = {f"param{index + 1}": float(value) for index, value in enumerate(values)}
+            self._send("COMMAND_LONG", {**fields, "confirmation": 0, **parameters})
 
     def _event(self, identifier: int, levels: int, arguments: bytes) -> None:
         self.sequence = (self.sequence + 1) & 0xFFFF

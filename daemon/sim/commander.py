@@ -111,6 +111,7 @@ class Commander:
             self._taken_over = self.action.cause
             if mode is not self.intended and self.action.cause == "manual_control":
                 self.announcer.say("pilot_took_over")
+        self.takeoff_altitude_amsl_m = None
         self._intend(mode)
         return True
 

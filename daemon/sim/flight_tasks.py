@@ -26,6 +26,8 @@ _STICK_RATE_RAD_S = radians(100.0)  # MC_ACRO_R_MAX
 _ARRIVED_M, _ARRIVED_M_S = 0.8, 0.8
 _LANDS_AFTER_S = 0.05  # recorded: near home Return turns into a landing after 50 to 60 ms
 _FAR_M = 100.0
+_TAKEOFF_THROTTLE = 0.6
+_STAYS_DOWN = frozenset((FlightMode.HOLD, FlightMode.LAND, FlightMode.RETURN, FlightMode.UNKNOWN))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,8 +57,10 @@ class FlightTasks:
         self.finished = False
         self.sticks = Sticks()
 
-    def enter(self, mode: FlightMode, estimate: Estimate, takeoff_down_m: float | None = None) -> None:
-        """Begin a mode from the estimate as it is."""
+    def enter(
+        self, mode: FlightMode, estimate: Estimate, takeoff_down_m: float | None = None, *, landed: bool = False
+    ) -> None:
+        """Begin a mode from the estimate as it is; only a take-off from the ground begins with the thrust ramp."""
         if mode not in (FlightMode.HOLD, FlightMode.LAND, FlightMode.RETURN) or self._mode == FlightMode.OFFBOARD:
             self._control.restart()
         climbed = self._mode is FlightMode.TAKEOFF and mode is FlightMode.HOLD and self.finished
@@ -75,6 +79,14 @@ class FlightTasks:
         if mode is FlightMode.TAKEOFF and takeoff_down_m is not None:
             self._target = (self._reference[0], self._reference[1], takeoff_down_m)
             self._speed = ZERO3
+            self._since_s = 0.0 if landed else self._parameters["MPC_TKO_RAMP_T"]
+
+    @property
+    def lifts(self) -> bool:
+        """Whether this mode leaves the ground: Hold and the like do not, a pilot only with the throttle up."""
+        if self._mode in (FlightMode.POSITION, FlightMode.ALTITUDE):
+            return self.sticks.throttle > _TAKEOFF_THROTTLE
+        return self._mode not in _STAYS_DOWN
 
     def shift(self, jump: Jump) -> None:
         """Setpoints move with a reset of the estimator (PX4's rule)."""

@@ -4,7 +4,7 @@ Behaviour follows recordings of PX4 1.17 SITL (see docs/simulator.md for what wa
 """
 
 import struct
-from math import isfinite, nan
+from math import isfinite
 
 from daemon.frames import from_yaw
 from daemon.messages import ZERO3, FlightMode, GlobalPosition, Setpoint, Vec3
@@ -37,7 +37,6 @@ _STATUS_STEPS = 125  # vehicle_status is published at 2 Hz and on every change
 _HEADING_STABLE_S = 2.0  # after boot
 _ARMABLE_S = 5.0
 _SILENT_AFTER_BOOT_S = 1.5
-_STAYS_DOWN = frozenset((FlightMode.HOLD, FlightMode.LAND, FlightMode.RETURN, FlightMode.UNKNOWN))
 
 
 class SimulatedPx4:
@@ -269,7 +268,7 @@ class SimulatedPx4:
             self._enter(mode)
         if mode is FlightMode.OFFBOARD:
             self.setpoint = self.receiver.offboard_setpoint(estimate)
-        elif self.commander.armed and not (self.commander.detector.landed and mode in _STAYS_DOWN):
+        elif self.commander.armed and (self.tasks.lifts or not self.commander.detector.landed):
             self.setpoint = self.tasks.run(estimate, self.height_m)
             self._attitude_setpoint_ms = self.time_us // 1000
         else:
@@ -291,16 +290,8 @@ class SimulatedPx4:
             else:
                 target_down_m = self.home.altitude_amsl_m - amsl_m - self.estimator.origin_ned_m[2]
         elif mode in (FlightMode.LAND, FlightMode.RETURN):
-            self._stow_gimbal()
-        self.tasks.enter(mode, estimate, target_down_m)
-
-    def _stow_gimbal(self) -> None:
-        """PX4 sends gimbal commands to the link at a landing; a companion must not take them as its own."""
-        nothing = [nan] * 4
-        for number, values in ((1001, [self.system_id, 1, -1, -1, 0, 0, 0]), (1000, [*nothing, 2, 0, 0])):
-            fields: Fields = {"target_system": self.system_id, "target_component": 0, "command": number}
-            parameters = {f"param{index + 1}": float(value) for index, value in enumerate(values)}
-            self.send("COMMAND_LONG", {**fields, "confirmation": 0, **parameters})
+            self.announcer.stow_gimbal(self.system_id)
+        self.tasks.enter(mode, estimate, target_down_m, landed=self.commander.detector.landed)
 
     def _command(self) -> None:
         """The commander's turn."""

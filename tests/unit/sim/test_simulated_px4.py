@@ -70,6 +70,40 @@ def test_it_takes_off_to_an_altitude_above_sea_level_and_lands_disarmed():
     assert px4.commander.landed_state is LandedState.ON_GROUND
 
 
+def test_a_take_off_in_the_air_climbs_without_a_drop():
+    px4 = vehicle(5.0)
+    fly(px4, 0.5)
+    command(px4, 22, nan, nan, nan, nan, nan, nan, 489.4 + 9.0)
+    lowest = 5.0
+    for _ in range(100):
+        fly(px4, 0.1)
+        lowest = min(lowest, px4.height_m)
+    assert lowest > 4.9
+    assert px4.height_m == pytest.approx(9.0, abs=0.2)
+
+
+@pytest.mark.parametrize("mode", [(4.0, 3.0), (3.0, 0.0), (2.0, 0.0)])
+def test_an_armed_vehicle_stays_down_in_modes_that_do_not_lift(mode):
+    px4 = vehicle(parameters={"COM_RC_IN_MODE": 1})
+    for index in range(60):
+        px4.receive("MANUAL_CONTROL", {"x": 0, "y": 0, "z": 500, "r": 0})
+        if index == 10:
+            command(px4, 176, 1.0, *mode)
+        if index == 20:
+            command(px4, 400, 1.0)
+        fly(px4, 0.1)
+    assert px4.armed
+    assert px4.truth.on_ground
+    assert px4.signals == pytest.approx((0.0,) * 4, abs=0.15)
+
+
+def test_gimbal_commands_come_at_a_landing():
+    px4 = vehicle(5.0)
+    command(px4, 21)
+    numbers = [fields["command"] for fields in named(fly(px4, 0.2), "COMMAND_LONG")]
+    assert numbers == [1001, 1000]
+
+
 def test_return_flies_home_and_lands_there():
     px4 = vehicle(10.0)
     px4.truth = type(px4.truth)((30.0, -20.0, -10.0), signals=(0.49,) * 4, on_ground=False)
