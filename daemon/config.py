@@ -106,6 +106,10 @@ class Control(Section):
     lag_compensation: bool
     disturbance_bandwidth_rad_s: float = _number(0.0, 20.0, "rad/s", settable=True)
     disturbance_max_m_s2: float = _number(0.0, 15.0, "m/s2", settable=True)
+    velocity_bias_bandwidth_rad_s: float = _number(0.0, 20.0, "rad/s", settable=True)
+    velocity_bias_max_m_s: float = _number(0.0, 5.0, "m/s", settable=True)
+    velocity_yaw: bool = Field(json_schema_extra={"settable": True})
+    feedthrough: bool
     tilt_max_deg: float = _number(5.0, 80.0, "deg", settable=True)
     rate_max_deg_s: float = _number(10.0, 720.0, "deg/s", settable=True)
     yaw_rate_max_deg_s: float = _number(5.0, 360.0, "deg/s", settable=True)
@@ -195,6 +199,12 @@ class Recording(Section):
     live: bool
     live_port: int = Field(ge=1, le=65535)
 
+    @model_validator(mode="after")
+    def _consistent(self) -> "Recording":
+        if self.max_file_mb >= self.keep_mb:
+            raise ValueError(f"max_file_mb {self.max_file_mb:g} is not below keep_mb {self.keep_mb:g}")
+        return self
+
 
 class Log(Section):
     """Logs."""
@@ -236,11 +246,22 @@ def default_path() -> Path:
 
 
 def load(files: list[Path], overrides: dict[str, Any] | None = None) -> Config:
-    """The defaults, then each file over them, then the overrides (nested like the files). Raises ``ConfigError``."""
+    """The defaults, then each file over them, then the overrides (nested like the files). Raises ``ConfigError``.
+
+    A bare name such as ``sim`` means the file that is shipped under it.
+    """
     values: dict[str, Any] = {}
     for file in [default_path(), *files]:
-        values = _stacked(values, _read(file))
+        values = _stacked(values, _read(_shipped(file) or file))
     return validated(_stacked(values, overrides or {}))
+
+
+def _shipped(file: Path) -> Path | None:
+    """The shipped file of a bare name, or None."""
+    if file.suffix or len(file.parts) != 1 or file.exists():
+        return None
+    shipped = default_path().with_name(f"{file.name}.yaml")
+    return shipped if shipped.exists() else None
 
 
 def validated(values: dict[str, Any]) -> Config:

@@ -103,7 +103,8 @@ async def _start(stack: AsyncExitStack, out: Path, records: Path, socket: Path, 
         stack.push_async_callback(children[-1].stop)
     overrides = socket.with_name("demo.yaml")
     overrides.write_text(yaml.safe_dump({"recording": {"directory": str(records)}}))
-    arguments = ["run", "--config", str(overrides), "--connection", url, "--socket", str(socket)]
+    airframe = "sim" if px4 is None else "sitl"
+    arguments = ["run", "--config", airframe, "--config", str(overrides), "--connection", url, "--socket", str(socket)]
     children.append(await Child.start("the daemon", arguments, out / "daemon.log"))
     stack.push_async_callback(children[-1].stop)
     return children

@@ -37,7 +37,7 @@ def sim(
 ) -> None:
     """Simulate a PX4 quadrotor that speaks MAVLink over UDP on this machine, until Ctrl-C.
 
-    Example: flightd sim & flightd run --connection udpin://127.0.0.1:14540
+    Example: flightd sim, and in another terminal: flightd run --config sim
     """
     if context.invoked_subcommand is not None:
         return

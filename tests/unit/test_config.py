@@ -80,6 +80,12 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         load([tmp_path / "nowhere.yaml"])
 
 
+def test_a_bare_name_means_the_shipped_file() -> None:
+    assert load([Path("sitl")]).control.drag_1_s == (1.0, 1.0, 1.0)
+    with pytest.raises(ConfigError, match="nosuch"):
+        load([Path("nosuch")])
+
+
 def test_files_stack_and_the_last_wins(tmp_path: Path) -> None:
     first = written(tmp_path, "guidance:\n  limits:\n    speed_m_s: 3\n    climb_m_s: 1\n")
     second = tmp_path / "second.yaml"
