@@ -41,16 +41,21 @@ def fly(submit: Submit, socket: Path | None, as_json: bool) -> None:
 
 
 async def _follow(flight: FlightClient, submit: Submit, as_json: bool) -> Result:
+    interrupted = asyncio.Event()
+    on_interrupt(interrupted.set)  # before the goal exists: an interrupt while it is being submitted counts
     goal = await submit(flight)
-    canceling: list[asyncio.Task[None]] = []
-    on_interrupt(lambda: canceling.append(asyncio.create_task(_cancel(goal))))
-    with _line(as_json) as line:
-        async for feedback in goal:
-            line.update(progress(goal.goal_id, feedback))
+    canceling = asyncio.create_task(_cancel_when(interrupted, goal))
+    try:
+        with _line(as_json) as line:
+            async for feedback in goal:
+                line.update(progress(goal.goal_id, feedback))
         return await goal
+    finally:
+        canceling.cancel()
 
 
-async def _cancel(goal: Goal) -> None:
+async def _cancel_when(interrupted: asyncio.Event, goal: Goal) -> None:
+    await interrupted.wait()
     note("canceling; the vehicle brakes and holds")
     try:
         await goal.cancel()
