@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from daemon import logs
 from daemon.autopilot.mavsdk_link import MavsdkLink
 from daemon.config import Config, ConfigError, load
+from daemon.endpoint import EndpointInUseError, claim
 from daemon.flight_service import Service
 from daemon.goals.hub import Hub
 from daemon.goals.server import GoalServer
@@ -73,6 +74,12 @@ async def _main(config: Config, socket: Path | None) -> int:
     except (SocketInUseError, OSError) as error:
         log.error("socket_unavailable", reason=str(error))
         return EXIT_IN_USE
+    try:
+        claimed = claim(config.link.connection)
+    except EndpointInUseError as error:
+        log.error("vehicle_unavailable", reason=str(error))
+        listener.close()
+        return EXIT_IN_USE
     apply_realtime(config.loops)
     link = MavsdkLink(config.link.connection, link_timeout_s=config.link.lost_s)
     vehicle = Vehicle(config, link, lambda: live_alarm(loop))
@@ -81,6 +88,7 @@ async def _main(config: Config, socket: Path | None) -> int:
     try:
         return await _fly(config, vehicle, dead_man, listener, stop)
     finally:
+        claimed.close()
         listener.close()
 
 
