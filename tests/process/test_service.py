@@ -1,0 +1,135 @@
+"""The daemon as a service: one for a vehicle and a socket, what it tells systemd, its configuration file."""
+
+import asyncio
+import shutil
+import signal
+import socket
+import subprocess
+from pathlib import Path
+
+import pytest
+from support.processes import daemon_on, free_udp_port, running, start
+
+from daemon.goals.client import FlightClient
+
+UNITS = Path(__file__).parents[2] / "systemd"
+
+
+async def ends(tmp_path: Path, name: str, *args: str) -> tuple[int, str]:
+    child = await start(tmp_path, name, *args)
+    async with running(child):
+        code = await asyncio.wait_for(child.process.wait(), 30.0)
+    return code, child.log_file.read_text()
+
+
+async def test_a_second_daemon_for_a_socket_or_a_vehicle_refuses_with_the_pid_of_the_first(tmp_path: Path) -> None:
+    connection, other = (f"udpin://127.0.0.1:{free_udp_port()}" for _ in range(2))
+    async with daemon_on(tmp_path, connection) as first:
+        pid = str(first.process.pid)
+        code, said = await ends(tmp_path, "b", "run", "--connection", other, "--socket", str(first.socket))
+        assert (code, pid in said, "already listens" in said) == (3, True, True), said
+        again = f"udpin://0.0.0.0:{connection.rpartition(':')[2]}"
+        code, said = await ends(tmp_path, "c", "run", "--connection", again, "--socket", str(tmp_path / "c.sock"))
+        assert (code, pid in said, "already flies" in said) == (3, True, True), said
+        assert first.socket is not None
+        async with FlightClient(first.socket) as flight:
+            assert (await flight.info())["name"] == "flightd"
+
+
+class Systemd:
+    """The far end of sd_notify: a datagram socket."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.bind(str(path))
+        self._socket.setblocking(False)
+
+    async def next(self, limit_s: float = 30.0) -> str:
+        loop = asyncio.get_running_loop()
+        return (await asyncio.wait_for(loop.sock_recv(self._socket, 4096), limit_s)).decode()
+
+    def drain(self) -> int:
+        count = 0
+        while True:
+            try:
+                self._socket.recv(4096)
+            except BlockingIOError:
+                return count
+            count += 1
+
+
+def is_stopped(pid: int) -> bool:
+    return Path(f"/proc/{pid}/stat").read_text().split()[2] == "T"
+
+
+async def test_systemd_hears_ready_once_the_socket_listens_then_the_watchdog_then_stopping(tmp_path: Path) -> None:
+    systemd, path = Systemd(tmp_path / "notify"), tmp_path / "f.sock"
+    environ = {"NOTIFY_SOCKET": str(systemd.path)}
+    connection = f"udpin://127.0.0.1:{free_udp_port()}"
+    child = await start(tmp_path, "flightd", "run", "--connection", connection, "--socket", str(path), environ=environ)
+    async with running(child):
+        assert "READY=1" in await systemd.next()
+        with socket.socket(socket.AF_UNIX) as client:
+            client.connect(str(path))
+        for _ in range(3):
+            assert await systemd.next(5.0) == "WATCHDOG=1"
+        child.process.send_signal(signal.SIGSTOP)
+        while not is_stopped(child.process.pid):  # noqa: ASYNC110 - the kernel tells by asking only
+            await asyncio.sleep(0.01)
+        systemd.drain()
+        with pytest.raises(TimeoutError):
+            await systemd.next(1.5)
+        child.process.send_signal(signal.SIGCONT)
+        child.process.send_signal(signal.SIGTERM)
+        heard = [await systemd.next(5.0)]
+        while heard[-1] != "STOPPING=1":
+            heard.append(await systemd.next(5.0))
+        assert set(heard) <= {"WATCHDOG=1", "STOPPING=1"}
+        assert await asyncio.wait_for(child.process.wait(), 10.0) == 0
+    with pytest.raises(TimeoutError):
+        await systemd.next(0.3)
+
+
+async def test_a_configuration_file_replaced_while_the_daemon_runs_changes_nothing(tmp_path: Path) -> None:
+    file = tmp_path / "own.yaml"
+    file.write_text("guidance: {limits: {speed_m_s: 2.0}}\n")
+    connection = f"udpin://127.0.0.1:{free_udp_port()}"
+    async with daemon_on(tmp_path, connection, "--config", str(file)) as child:
+        assert child.socket is not None
+        async with FlightClient(child.socket) as flight:
+            before = (await flight.info())["config_hash"]
+            file.write_text("guidance: {limits: {speed_m_s: 20.0}}\n")
+            file.write_text("no: such\n")
+            assert (await flight.get_config("guidance.limits.speed_m_s"))["value"] == 2.0
+            assert (await flight.info())["config_hash"] == before
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze")
+def test_systemd_accepts_the_units(tmp_path: Path) -> None:
+    for unit in [*UNITS.glob("*.service"), *UNITS.glob("*.socket")]:
+        text = unit.read_text().replace("/opt/flightd/bin/flightd", "/bin/true")
+        (tmp_path / unit.name).write_text(text)
+    names = sorted(str(path) for path in tmp_path.iterdir() if not path.stem.endswith("@"))
+    for template in tmp_path.glob("*@.*"):
+        instance = tmp_path / template.name.replace("@", "@one")
+        shutil.copy(template, instance)
+        names.append(str(instance))
+    done = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", *names], capture_output=True, text=True, check=False
+    )
+    ours = [line for line in done.stderr.splitlines() if "flightd" in line]
+    assert (done.returncode, ours) == (0, []), done.stderr
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze")
+@pytest.mark.parametrize("name", ["flightd.service", "flightd@.service"])
+def test_the_service_is_exposed_by_two_of_ten_at_most(name: str, tmp_path: Path) -> None:
+    path = shutil.copy(UNITS / name, tmp_path / name.replace("@", "@one"))
+    done = subprocess.run(
+        ["systemd-analyze", "security", "--offline=true", "--threshold=20", str(path)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-400:]
