@@ -99,7 +99,7 @@ async def _flown(config: "Config", connection: str, simulated: str | None, takeo
     """The measuring flight, on a simulator of its own if asked for; Ctrl-C ends it and hands the vehicle back."""
     from daemon.tuning.live import record
 
-    children: list[asyncio.Future[None]] = []
+    children: list[asyncio.Task[None]] = []
     async with AsyncExitStack() as stack:
         if simulated is not None:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="flightd-")))
@@ -108,9 +108,9 @@ async def _flown(config: "Config", connection: str, simulated: str | None, takeo
             arguments = ["sim", "--port", str(port), "--airframe", simulated, "--control", str(folder / "sim.sock")]
             simulator = await Child.start("the simulated PX4", arguments, folder / "sim.log")
             stack.push_async_callback(simulator.stop)
-            children.append(asyncio.ensure_future(simulator.ended()))
+            children.append(asyncio.create_task(simulator.ended()))
             stack.callback(children[0].cancel)
-        flight = asyncio.ensure_future(record(connection, config, takeoff_m=takeoff_m, tell=note))
+        flight = asyncio.create_task(record(connection, config, takeoff_m=takeoff_m, tell=note))
         on_interrupt(flight.cancel)
         await asyncio.wait({flight, *children}, return_when=asyncio.FIRST_COMPLETED)
         if not flight.done():
