@@ -100,6 +100,7 @@ async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Li
     service = Service(vehicle, reports, hub, journal)
     Telemetry(vehicle, reports, hub, journal)
     if recorder is not None:
+        logs.flight.source = lambda: recorder.report.flight
         recorder.start()
         vehicle.control.listeners.append(lambda inputs, record: recorder.tick(vehicle.control.state, inputs, record))
     server = GoalServer(

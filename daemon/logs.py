@@ -1,11 +1,60 @@
-"""Logs are events with fields: readable lines on a terminal, JSON everywhere else (systemd's journal, a pipe)."""
+"""Logs are events with fields: readable lines on a terminal, JSON everywhere else (systemd's journal, a pipe).
+
+Every line of a flight carries its id as ``flight``. An event that repeats itself is written ``BURST`` times in
+``WINDOW_S``; the next line after that says how many were left out.
+"""
 
 import logging
 import os
 import sys
-from typing import TextIO
+import time
+from collections.abc import Callable
+from typing import Any, TextIO
 
 import structlog
+
+BURST = 10
+WINDOW_S = 10.0
+_MOST_KEYS = 1000
+
+
+class Repeats:
+    """A processor that drops what repeats too often: the same event of the same part at the same level."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._windows: dict[tuple[Any, ...], list[float]] = {}
+
+    def __call__(self, _logger: Any, method: str, event: structlog.typing.EventDict) -> structlog.typing.EventDict:
+        """Pass the event on, or drop it."""
+        key = (event.get("part"), event.get("event"), method)
+        now_s = self._clock()
+        window = self._windows.get(key)
+        if window is None or now_s - window[0] >= WINDOW_S:
+            left_out = 0 if window is None else int(window[1]) - BURST
+            if len(self._windows) >= _MOST_KEYS:
+                self._windows.clear()
+            self._windows[key] = [now_s, 1]
+            return {**event, "left_out": left_out} if left_out > 0 else event
+        window[1] += 1
+        if window[1] > BURST:
+            raise structlog.DropEvent
+        return event
+
+
+class Flight:
+    """A processor that adds the id of the flight, from whoever knows it."""
+
+    def __init__(self) -> None:
+        self.source: Callable[[], str | None] = lambda: None
+
+    def __call__(self, _logger: Any, _method: str, event: structlog.typing.EventDict) -> structlog.typing.EventDict:
+        """Add ``flight`` while there is one."""
+        flight = self.source()
+        return event if flight is None else {**event, "flight": flight}
+
+
+flight = Flight()
 
 
 def configure(level: str = "info", stream: TextIO | None = None, as_json: bool | None = None) -> None:
@@ -21,7 +70,9 @@ def configure(level: str = "info", stream: TextIO | None = None, as_json: bool |
     structlog.configure(
         processors=[
             structlog.contextvars.merge_contextvars,
+            Repeats(),
             structlog.processors.add_log_level,
+            flight,
             structlog.processors.TimeStamper(fmt="iso", utc=True),
             structlog.processors.format_exc_info,
             renderer,
