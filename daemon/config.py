@@ -144,6 +144,7 @@ class Fence(Section):
     floor_m: float = _number(-1000.0, 1000.0, "m")
     ceiling_m: float = _number(1.0, 10000.0, "m")
     hard_margin_m: float = _number(0.5, 1000.0, "m")
+    beyond: Literal["hold", "land", "return"]
 
     @model_validator(mode="after")
     def _consistent(self) -> "Fence":

@@ -15,7 +15,7 @@ from daemon.estimation.quality import QualityParameters
 from daemon.estimation.reset_tracker import ResetParameters
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters, Profile
-from daemon.messages import Vec3
+from daemon.messages import FlightMode, Vec3
 from daemon.pipeline import Parameters
 from daemon.safety.conditions import Bounds
 from daemon.safety.dead_man import DeadManTiming
@@ -47,6 +47,7 @@ def pipeline_parameters(config: Config, fence: Geofence, hover_thrust: float | N
             speed_m_s=config.safety.speed_max_m_s,
             battery_fraction=config.safety.battery_min_pct / 100.0,
             fence=fence,
+            fence_beyond=FlightMode(config.safety.fence.beyond),
         ),
         timing=Timing(),
         command_latency_s=config.loops.command_latency_s,

@@ -68,6 +68,7 @@ class TrajectoryTask:
         self._failure: Exception | None = None
         self._woken = False
         self._state: State | None = None
+        self._outside = False
 
     @property
     def goal_id(self) -> str | None:
@@ -136,7 +137,13 @@ class TrajectoryTask:
             asyncio.get_running_loop().call_soon(self._on_wake)
 
     def on_control_tick(self, _inputs: Inputs, record: Record) -> None:
-        """A listener of the control task: act at once when the vehicle changed hands or the estimate jumped."""
+        """A listener of the control task: act at once when the vehicle changed hands or the estimate jumped.
+
+        A goal ends when the vehicle crosses the fence outwards, whatever drove it there: the reference brakes inside.
+        """
+        outside, self._outside = self._outside, record.conditions.fence_crossed
+        if self._outside and not outside and self._active is not None:
+            self.abort(self._active.order.goal_id, "geofence")
         if record.supervision.state is not self._state or record.estimate.reset is not None:
             self._state = record.supervision.state
             self.wake()

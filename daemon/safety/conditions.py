@@ -23,6 +23,7 @@ class Bounds:
     A condition comes after its ``*_for_s`` without a break and goes below ``hysteresis`` times the bound.
 
     ``coast_s``: the law flies on prediction up to this age of the state; beyond ``lost_s`` the vehicle is released.
+    ``fence_beyond`` is asked for when the vehicle, handed over at the hard fence, drifts on to twice its margin.
     ``tilt_rad`` and ``speed_m_s`` are the vehicle's, not the command's. ``battery_fraction`` 0 switches that one off.
     """
 
@@ -39,6 +40,7 @@ class Bounds:
     battery_for_s: float = 5.0
     hysteresis: float = 0.8
     fence: Geofence = field(default_factory=Geofence)
+    fence_beyond: FlightMode = FlightMode.HOLD
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +81,9 @@ class Conditions:
     attitude_disagrees: bool = False
     tilt_excess: bool = False
     speed_excess: bool = False
+    fence_crossed: bool = False
     fence_breached: bool = False
+    fence_drifts: bool = False
     battery_low: bool = False
     goal_active: bool = False
     latched: bool = False
@@ -139,6 +143,7 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds, **other
     critical = status.system_status >= SystemStatus.CRITICAL
     differs = FlightMode.UNKNOWN is not status.intended_mode is not mode is not FlightMode.UNKNOWN
     hold = mode is FlightMode.HOLD
+    outside_m = -inf if facts.state is None else excess_m(bounds.fence, facts.state.position_ned_m)
     usable = facts.state is not None and facts.age_s <= bounds.coast_s
     return memory, Conditions(
         link=status.connected,
@@ -166,8 +171,9 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds, **other
         attitude_disagrees=memory.disagreement.active,
         tilt_excess=memory.tilt.active,
         speed_excess=memory.speed.active,
-        fence_breached=facts.state is not None
-        and excess_m(bounds.fence, facts.state.position_ned_m) > bounds.fence.hard_margin_m,
+        fence_crossed=outside_m > 0.0,
+        fence_breached=outside_m > bounds.fence.hard_margin_m,
+        fence_drifts=outside_m > 2.0 * bounds.fence.hard_margin_m,
         battery_low=memory.battery.active,
         goal_active=facts.goal_active,
         latched=facts.latched,

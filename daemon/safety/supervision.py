@@ -14,6 +14,8 @@ from daemon.messages import AutopilotStatus, FlightMode, RequestKind, VehicleReq
 from daemon.safety.conditions import Bounds, Conditions, Facts, Memory, evaluate, in_flight
 from daemon.safety.supervisor import FLYING, OURS, State, next_row
 
+FENCE_ASKS = 5
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing:
@@ -82,6 +84,8 @@ def step(
         supervision, more = _enter(supervision, row.to, row.reason, fresh, facts.status, now_s)
         return supervision, conditions, modes + more
     supervision, more = _continue(supervision, facts.status, now_s, timing)
+    if _drifts_on(supervision, conditions, bounds, now_s, timing):
+        supervision, more = _ask(supervision, bounds.fence_beyond, now_s)
     return supervision, conditions, modes + more
 
 
@@ -190,6 +194,18 @@ def _continue(
         if supervision.asked_mode is not None and not refused and now_s - supervision.asked_s >= timing.repeat_s:
             return _ask(supervision, supervision.asked_mode, now_s)
     return supervision, ()
+
+
+def _drifts_on(supervision: Supervision, conditions: Conditions, bounds: Bounds, now_s: float, timing: Timing) -> bool:
+    """In the Hold that it was given at the hard fence the vehicle goes on outwards."""
+    return (
+        supervision.state is State.READY
+        and (supervision.reason, supervision.left) == ("released", "geofence")
+        and conditions.fence_drifts
+        and bounds.fence_beyond is not FlightMode.HOLD
+        and supervision.asks < FENCE_ASKS
+        and now_s - supervision.asked_s >= timing.request_s
+    )
 
 
 def _stalled_and_still_offboard(supervision: Supervision, status: AutopilotStatus, timing: Timing) -> bool:

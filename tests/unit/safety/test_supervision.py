@@ -244,6 +244,38 @@ def test_what_cannot_be_flown_is_handed_over_to_hold(changes: dict[str, object],
     assert [mode for _, mode in rig.asked] == [FlightMode.HOLD]
 
 
+@pytest.mark.parametrize("beyond", [FlightMode.HOLD, FlightMode.LAND, FlightMode.RETURN])
+def test_a_vehicle_that_drifts_on_beyond_the_hard_fence_is_brought_down_or_back_as_configured(
+    beyond: FlightMode,
+) -> None:
+    rig = tracking()
+    rig.bounds = Bounds(fence=Geofence(ceiling_m=120.0, hard_margin_m=5.0), fence_beyond=beyond)
+    rig.set(state=vehicle_at((0.0, 0.0, -126.0)))
+    assert rig.tick() is State.RELEASING
+    rig.status(IN_HOLD)
+    assert rig.tick(100) is State.READY
+    rig.asked.clear()
+    rig.set(state=vehicle_at((0.0, 0.0, -131.0)))
+    rig.tick(100)
+    assert [mode for _, mode in rig.asked] == ([] if beyond is FlightMode.HOLD else [beyond])
+    if beyond is not FlightMode.HOLD:
+        rig.status(IN_HOLD, mode=beyond, intended_mode=beyond)
+        assert rig.tick() is State.LANDING
+
+
+def test_a_hold_that_a_person_asked_for_beyond_the_fence_is_left_alone() -> None:
+    rig = tracking()
+    rig.bounds = Bounds(fence=Geofence(ceiling_m=120.0, hard_margin_m=5.0), fence_beyond=FlightMode.LAND)
+    rig.ask(RequestKind.HOLD)
+    rig.tick()
+    rig.status(IN_HOLD)
+    assert rig.tick() is State.READY
+    rig.asked.clear()
+    rig.set(state=vehicle_at((0.0, 0.0, -140.0)))
+    rig.tick(200)
+    assert rig.asked == []
+
+
 def test_a_short_excess_of_tilt_is_not_handed_over() -> None:
     rig = tracking().set(state=replace(vehicle_at(), attitude_wb=(0.5, 0.866, 0.0, 0.0)))
     rig.tick(20)
