@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from daemon import logs
 from daemon.autopilot.mavsdk_link import MavsdkLink
-from daemon.config import Config, ConfigError, load
+from daemon.config import ConfigError, load
 from daemon.endpoint import EndpointInUseError, claim
 from daemon.flight_service import Service
 from daemon.goals.hub import Hub
@@ -24,6 +24,7 @@ from daemon.parameters import dead_man_timing
 from daemon.realtime import apply as apply_realtime
 from daemon.reports import Reports
 from daemon.safety.dead_man import DeadMan
+from daemon.settings import Config
 from daemon.telemetry import Telemetry
 
 if TYPE_CHECKING:

@@ -4,7 +4,6 @@ from dataclasses import replace
 from math import radians
 from typing import Any
 
-from daemon.config import Config
 from daemon.control.parameters import AttitudeLaw, ControlParameters
 from daemon.estimation import ekf, ukf
 from daemon.estimation.clock import ClockParameters
@@ -21,6 +20,7 @@ from daemon.safety.conditions import Bounds
 from daemon.safety.dead_man import DeadManTiming
 from daemon.safety.geofence import Geofence
 from daemon.safety.supervision import Timing
+from daemon.settings import Config
 
 
 def pipeline_parameters(config: Config, fence: Geofence, hover_thrust: float | None = None) -> Parameters:

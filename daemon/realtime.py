@@ -4,7 +4,7 @@ import ctypes
 import os
 
 from daemon import logs
-from daemon.config import Loops
+from daemon.settings import Loops
 
 _MCL_CURRENT_AND_FUTURE = 3
 

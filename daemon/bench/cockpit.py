@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 
 from daemon.autopilot.port import Autopilot
 from daemon.bench.manoeuvres import Manoeuvre, moved
-from daemon.config import Config
 from daemon.frames import tilt_of, yaw_of
 from daemon.loops.grid import Alarm
 from daemon.loops.vehicle import Vehicle
@@ -21,6 +20,7 @@ from daemon.messages import (
 )
 from daemon.pipeline import Inputs, Parameters, Record
 from daemon.safety.supervisor import FLYING, State
+from daemon.settings import Config
 
 READY_S = 60.0
 SETTLE_S = 3.0

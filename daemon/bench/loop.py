@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from daemon.autopilot.mavsdk_link import MavsdkLink
-from daemon.config import Config, load
+from daemon.config import load
 from daemon.guidance.goals import ShapeGoal
 from daemon.guidance.shapes import Lemniscate
 from daemon.loops.goal_order import GoalOrder
@@ -22,6 +22,7 @@ from daemon.parameters import dead_man_timing
 from daemon.pipeline import Inputs, Record
 from daemon.safety.dead_man import DeadMan
 from daemon.safety.supervisor import State
+from daemon.settings import Config
 
 START_S = 30.0
 SETTLE_S = 3.0

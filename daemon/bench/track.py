@@ -10,7 +10,7 @@ from daemon.autopilot.port import LinkError
 from daemon.bench.cockpit import Cockpit, Flown
 from daemon.bench.loop import quantile
 from daemon.bench.manoeuvres import Manoeuvre, rms
-from daemon.config import Config, load
+from daemon.config import load
 from daemon.control.parameters import mavros_controllers
 from daemon.estimation.predictor import PredictorParameters
 from daemon.loops.commander import NotPossibleError
@@ -18,6 +18,7 @@ from daemon.loops.grid import LoopAlarm
 from daemon.messages import ZERO3, Odometry, Vec3
 from daemon.parameters import geofence, pipeline_parameters
 from daemon.pipeline import Parameters
+from daemon.settings import Config
 from daemon.sim.airframe_files import load as load_airframe
 from daemon.sim.in_process import InProcessAutopilot
 from daemon.sim.link_faults import LinkQuality

@@ -11,11 +11,12 @@ from rich.table import Table
 from daemon import config, parameters
 from daemon.cli.common import Exit, JsonOption, fail, say, say_json
 from daemon.cli.report import RECORDS
-from daemon.config import Config, ConfigError
+from daemon.config import ConfigError
 from daemon.pipeline import Parameters
 from daemon.recording.codec import RecordError
 from daemon.recording.files import in_order
 from daemon.recording.replay import Comparison, compare
+from daemon.settings import Config
 
 SHOWN = 25
 EPILOG = "Exit codes: 0 identical (or compared with --config), 1 different, 2 cannot be replayed."

@@ -13,7 +13,7 @@ from daemon.cli.daemon_commands import ConfigFiles
 from daemon.cli.demo_children import Child, ChildError, free_udp_port
 
 if TYPE_CHECKING:
-    from daemon.config import Config
+    from daemon.settings import Config
     from daemon.tuning.experiment import Recording
     from daemon.tuning.measurement import Measured
     from daemon.tuning.proposal import Proposal

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 from daemon import logs
 from daemon.autopilot.port import Autopilot, CommandTimeoutError
-from daemon.config import Config
 from daemon.guidance.parameters import GuidanceParameters
 from daemon.latest import Latest
 from daemon.loops.commander import Commander, CommandTimeouts
@@ -21,6 +20,7 @@ from daemon.pipeline import Parameters, Record
 from daemon.safety.dead_man import SetpointGate, boot_clock
 from daemon.safety.geofence import Geofence
 from daemon.safety.supervisor import OURS
+from daemon.settings import Config
 
 RELEASE_S = 1.2
 HOLD_TRIES, HOLD_PAUSE_S = 4, 0.1

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import degrees, dist, radians
 
-from daemon.config import Config, with_value
+from daemon.config import with_value
 from daemon.frames import down_axis, tilt_of
 from daemon.loops.commander import NotPossibleError
 from daemon.loops.vehicle import Vehicle
@@ -13,6 +13,7 @@ from daemon.messages import EstimatedState
 from daemon.pipeline import Inputs, Record
 from daemon.safety.supervision import Drive
 from daemon.safety.supervisor import FLYING, State
+from daemon.settings import Config
 from daemon.tuning.pulsed import PulsedAutopilot, Sent
 from daemon.tuning.pulses import Programme
 

@@ -4,11 +4,11 @@ import asyncio
 from collections.abc import Callable
 
 from daemon.autopilot.mavsdk_link import MavsdkLink
-from daemon.config import Config
 from daemon.loops.grid import live_alarm
 from daemon.loops.vehicle import Vehicle
 from daemon.parameters import control_parameters, dead_man_timing
 from daemon.safety.dead_man import DeadMan
+from daemon.settings import Config
 from daemon.tuning.experiment import Recording, fly, gentle
 from daemon.tuning.pulsed import PulsedAutopilot
 from daemon.tuning.pulses import programme

@@ -6,11 +6,11 @@ from typing import Any
 
 import yaml
 
-from daemon.config import Config
 from daemon.control.identification import Margins, margins
 from daemon.control.parameters import ControlParameters, from_airframe
 from daemon.messages import Vec3
 from daemon.parameters import control_parameters
+from daemon.settings import Config
 from daemon.tuning.measurement import Measured
 
 PHASE_MIN_RAD = radians(15.0)  # with all the dead time that the prediction does not cover

@@ -7,8 +7,9 @@ import pytest
 import yaml
 
 from daemon import config as configuration
-from daemon.config import Config, ConfigError, describe, load, validated, value_at, with_value
+from daemon.config import ConfigError, describe, load, validated, value_at, with_value
 from daemon.parameters import geofence, guidance_parameters, pipeline_parameters
+from daemon.settings import Config
 
 ROOT = Path(__file__).parents[2]
 
