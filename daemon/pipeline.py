@@ -265,9 +265,12 @@ def _covers(window: ReferenceWindow, time_s: float) -> bool:
 
 
 def _sample(window: ReferenceWindow, shift: FrameShift, time_s: float) -> Reference:
-    """The window at a moment, by its own derivatives from the sample before, in the frame of now."""
+    """The window at a moment, by its own derivatives from the nearest sample, in the frame of now.
+
+    Not from the sample before: on the window's own grid, rounding would choose between a sample and a whole spacing.
+    """
     first = window.samples[0].time_s
-    index = min(int((time_s - first) / WINDOW_SPACING_S), len(window.samples) - 1)
+    index = min(round((time_s - first) / WINDOW_SPACING_S), len(window.samples) - 1)
     reference = _extrapolated(window.samples[index], time_s)
     if window.shift.count == shift.count:
         return reference
