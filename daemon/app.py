@@ -4,6 +4,7 @@ import asyncio
 import gc
 import os
 import signal
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,8 +39,17 @@ EXIT_FAILED = 1
 log = logs.get("app")
 
 
-def run(config_files: list[Path], connection: str | None, socket: Path | None, **overrides: Any) -> int:
-    """Run the daemon until it is told to stop; returns the exit code (2: the configuration is bad)."""
+def run(
+    config_files: list[Path],
+    connection: str | None,
+    socket: Path | None,
+    watch: Callable[[Vehicle], None] = lambda _vehicle: None,
+    **overrides: Any,
+) -> int:
+    """Run the daemon until it is told to stop; returns the exit code (2: the configuration is bad).
+
+    ``watch`` is shown the vehicle before its tasks start (benchmarks).
+    """
     if connection is not None:
         overrides = {**overrides, "link": {**overrides.get("link", {}), "connection": connection}}
     try:
@@ -47,7 +57,7 @@ def run(config_files: list[Path], connection: str | None, socket: Path | None, *
     except ConfigError as error:
         return _complain(error)
     logs.configure(config.log.level)
-    return asyncio.run(_main(config, socket))
+    return asyncio.run(_main(config, socket, watch))
 
 
 def check_config(config_files: list[Path]) -> int:
@@ -67,7 +77,7 @@ def _complain(error: ConfigError) -> int:
     return EXIT_CONFIG
 
 
-async def _main(config: Config, socket: Path | None) -> int:
+async def _main(config: Config, socket: Path | None, watch: Callable[[Vehicle], None]) -> int:
     loop = asyncio.get_running_loop()
     stop = _Stop(loop)
     try:
@@ -84,6 +94,7 @@ async def _main(config: Config, socket: Path | None) -> int:
     apply_realtime(config.loops)
     link = MavsdkLink(config.link.connection, link_timeout_s=config.link.lost_s)
     vehicle = Vehicle(config, link, lambda: live_alarm(loop))
+    watch(vehicle)
     dead_man = DeadMan(vehicle.gate, dead_man_timing(config), lambda event: log.error(event))
     log.info("started", connection=config.link.connection, config_hash=config.hash(), pid=os.getpid())
     try:

@@ -1,150 +1,210 @@
-"""The loop in real time: the daemon, whole, over real MAVSDK and UDP against the simulated PX4."""
+"""The loop in real time: the daemon, whole, and plain clients beside it, over UDP against an autopilot that keeps time.
+
+Each flight has an autopilot's end of its own (``daemon.sim.metronome``) and runs in a process of its own; rounds go
+through all of them in turn, and what is reported is the median over the rounds.
+"""
 
 import asyncio
 import contextlib
+import importlib.util
+import json
+import os
 import socket
 import sys
 import tempfile
-import time
-from collections.abc import AsyncIterator
-from dataclasses import asdict, dataclass
+from collections.abc import AsyncIterator, Callable, Iterable
+from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
+from statistics import median
 from typing import Any
 
-from daemon.autopilot.mavsdk_link import MavsdkLink
-from daemon.config import load
-from daemon.guidance.goals import ShapeGoal
-from daemon.guidance.shapes import Lemniscate
-from daemon.loops.goal_order import GoalOrder
-from daemon.loops.grid import live_alarm
-from daemon.loops.vehicle import Vehicle
-from daemon.parameters import dead_man_timing
-from daemon.pipeline import Inputs, Record
-from daemon.safety.dead_man import DeadMan
-from daemon.safety.supervisor import State
-from daemon.settings import Config
+from daemon.bench.quantiles import quantile
+from daemon.goals.client import FlightClient
+from daemon.goals.client_errors import FlightError
+from daemon.sim.metronome import NUMBERS
 
-START_S = 30.0
-SETTLE_S = 3.0
+SUBSCRIBERS = 5
+_TOPICS = ("telemetry.state", "telemetry.loops")
+_PATIENCE_S = 45.0
+_START_S = 2.5  # the daemon's, until its socket is there
+_ROOT = Path(__file__).resolve().parent.parent.parent
+_LOAD = "while True: pass"
+Figures = dict[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class LoopFigures:
-    """Milliseconds unless the name says otherwise. ``age`` is that of the state at the moment of sending."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flight:
+    """Who flies, how: ``loaded`` keeps one core busy, ``recorded`` records and serves five subscribers."""
 
-    seconds: float
-    ticks: int
-    late: int
-    missed: int
-    period_p50_ms: float
-    period_p99_ms: float
-    period_max_ms: float
-    step_p50_us: float
-    step_p99_us: float
-    age_p50_ms: float
-    age_p99_ms: float
-    cpu_percent: float
+    name: str
+    client: str = ""  # module of daemon.bench.contestants; empty: the daemon
+    loaded: bool = False
+    recorded: bool = False
+    uneven: bool = False
+    rate_hz: float = 100.0
+    python: str = sys.executable
 
 
-class _Meter:
-    """A listener of the control task while the vehicle is flown."""
+def programme(rate_hz: float, grpc_python: str | None) -> list[Flight]:
+    """The daemon in its conditions, and the clients idle and loaded; mavsdk-grpc where it is installed."""
+    daemon = [
+        Flight(name="flightd", rate_hz=rate_hz),
+        Flight(name="flightd, uneven", uneven=True, rate_hz=rate_hz),
+        Flight(name="flightd, recording and subscribers", recorded=True, rate_hz=rate_hz),
+        Flight(name="flightd, loaded", loaded=True, rate_hz=rate_hz),
+    ]
+    clients = [
+        ("synchronous plugin", "sync_plugin", sys.executable),
+        ("asyncio API", "asyncio_api", sys.executable),
+        ("pymavlink", "pymavlink_alone", sys.executable),
+    ]
+    if grpc_python or importlib.util.find_spec("mavsdk_grpc"):
+        clients.append(("mavsdk-grpc", "grpc_api", grpc_python or sys.executable))
+    idle = [Flight(name=name, client=module, python=python) for name, module, python in clients]
+    loaded = [Flight(name=f"{f.name}, loaded", client=f.client, python=f.python, loaded=True) for f in idle]
+    return [*daemon, *idle, *loaded]
 
-    def __init__(self, vehicle: Vehicle) -> None:
-        self.periods_s: list[float] = []
-        self.steps_s: list[float] = []
-        self.ages_s: list[float] = []
-        self._vehicle = vehicle
-        self._loop = asyncio.get_running_loop()
 
-    def on_tick(self, _inputs: Inputs, record: Record) -> None:
-        self.periods_s.append(record.dt_s)
-        self.steps_s.append(self._vehicle.control.step_s)
-        if record.estimate.newest is not None:
-            self.ages_s.append(self._loop.time() - record.estimate.newest.time_s)
+async def measure(
+    flights: Iterable[Flight], seconds: float, rounds: int, tell: Callable[[str], None]
+) -> dict[str, Figures]:
+    """Medians over the rounds, by flight; a flight that failed says why in ``error``."""
+    found: dict[str, list[Figures]] = {flight.name: [] for flight in flights}
+    for number in range(rounds):
+        for flight in flights:
+            figures = await _fly(flight, seconds)
+            tell(f"round {number + 1}, {flight.name}: {figures.get('error', 'done')}")
+            found[flight.name].append(figures)
+    return {name: _median(of_rounds) for name, of_rounds in found.items()}
 
 
-async def measure(seconds: float, config: Config | None = None) -> LoopFigures:
-    """Fly a lemniscate for ``seconds`` and return the loop's figures."""
-    async with _simulator() as port:
-        loop = asyncio.get_running_loop()
-        config = config or load([])
-        link = MavsdkLink(f"udpin://127.0.0.1:{port}", link_timeout_s=config.link.lost_s)
-        vehicle = Vehicle(config, link, lambda: live_alarm(loop))
-        dead_man = DeadMan(vehicle.gate, dead_man_timing(config))
-        tasks = asyncio.ensure_future(vehicle.run())
-        dead_man.start()
+def _median(rounds: list[Figures]) -> Figures:
+    good = [figures for figures in rounds if "error" not in figures]
+    if not good:
+        return rounds[0]
+    return {
+        key: {k: median(f[key][k] for f in good) for k in value} if isinstance(value, dict) else
+        median(f[key] for f in good)
+        for key, value in good[0].items()
+    }  # fmt: skip
+
+
+async def _fly(flight: Flight, seconds: float) -> Figures:
+    with tempfile.TemporaryDirectory() as folder:
         try:
-            return await _flown(vehicle, seconds)
-        finally:
-            dead_man.stop()
-            tasks.cancel()
-            await asyncio.gather(tasks, return_exceptions=True)
+            async with contextlib.AsyncExitStack() as stack:
+                said, log = await _flown(flight, seconds, Path(folder), stack)
+        except (TimeoutError, ValueError) as error:
+            return {"error": f"{type(error).__name__} {error}".strip()}
+        return said if "error" in said else figures_of(said, log, 1.0 / flight.rate_hz)
 
 
-async def _flown(vehicle: Vehicle, seconds: float) -> LoopFigures:
-    commander = vehicle.commander
-    await commander.wait_for(lambda: commander.state is State.STANDBY and _estimated(vehicle), START_S, "connected")
-    await commander.takeoff(5.0)
-    await commander.engage()
-    shape = ShapeGoal(
-        shape=Lemniscate(center_ned_m=(0.0, 0.0, -5.0), size_m=(8.0, 4.0)), speed_m_s=3.0, turns=1 + seconds / 10.0
-    )
-    order = GoalOrder(goal_id="bench", kind="trajectory", goal=shape, limits=vehicle.parameters.value.limits)
-    vehicle.trajectory.submit(order)
-    await asyncio.sleep(SETTLE_S)
-    meter = _Meter(vehicle)
-    before = vehicle.control.grid.statistics.report()
-    cpu_s, wall_s = time.process_time(), time.monotonic()
-    vehicle.control.listeners.append(meter.on_tick)
-    await asyncio.sleep(seconds)
-    vehicle.control.listeners.remove(meter.on_tick)
-    cpu_s, wall_s = time.process_time() - cpu_s, time.monotonic() - wall_s
-    after = vehicle.control.grid.statistics.report()
-    await commander.hold()
-    return LoopFigures(
-        seconds=round(wall_s, 2),
-        ticks=after.ticks - before.ticks,
-        late=after.late - before.late,
-        missed=after.missed - before.missed,
-        period_p50_ms=1e3 * quantile(meter.periods_s, 0.5),
-        period_p99_ms=1e3 * quantile(meter.periods_s, 0.99),
-        period_max_ms=1e3 * max(meter.periods_s),
-        step_p50_us=1e6 * quantile(meter.steps_s, 0.5),
-        step_p99_us=1e6 * quantile(meter.steps_s, 0.99),
-        age_p50_ms=1e3 * quantile(meter.ages_s, 0.5),
-        age_p99_ms=1e3 * quantile(meter.ages_s, 0.99),
-        cpu_percent=100.0 * cpu_s / wall_s,
-    )
+async def _flown(
+    flight: Flight, seconds: float, folder: Path, stack: contextlib.AsyncExitStack
+) -> tuple[Figures, Figures]:
+    """What the flight's process said at its end, and the autopilot's log."""
+    port, path = _free_port(), folder / "flightd.sock"
+    notes = folder / "autopilot.json"
+    if flight.loaded:
+        await stack.enter_async_context(_process([sys.executable, "-c", _LOAD]))
+    if flight.client:
+        arguments = ["-m", f"daemon.bench.contestants.{flight.client}", str(port), str(seconds)]
+    else:
+        record = str(folder / "record") if flight.recorded else ""
+        arguments = ["-m", "daemon.bench.loop_daemon", str(port), str(seconds), str(path), str(flight.rate_hz), record]
+    metronome = ["-m", "daemon.sim.metronome", str(port), "100", str(int(flight.uneven))]
+    async with (
+        _process([sys.executable, *metronome], notes),
+        _process([flight.python, *arguments], folder / "said") as process,
+    ):
+        if flight.recorded:
+            subscribers = asyncio.create_task(_subscribe(path))
+            stack.callback(subscribers.cancel)
+        await asyncio.wait_for(process.wait(), seconds + _PATIENCE_S)
+    lines = [line for line in (folder / "said").read_text().splitlines() if line.startswith("{")]
+    if not lines:
+        raise ValueError(f"nothing said: {(folder / 'said.err').read_text()[-200:]}")
+    return json.loads(lines[-1]), json.loads(notes.read_text())
 
 
-def _estimated(vehicle: Vehicle) -> bool:
-    record = vehicle.record.value
-    return record is not None and record.estimate.newest is not None
+def figures_of(said: Figures, log: Figures, period_s: float) -> Figures:
+    """Milliseconds, per cent of a core and megabytes, over the time that the client counted."""
+    from_s, to_s = said["from_s"], said["to_s"]
+    setpoints = [(at_s, thrust) for at_s, thrust in log["setpoints"] if from_s <= at_s <= to_s]
+    gaps = [after - before for (before, _), (after, _) in pairwise(setpoints)]
+    delays, overtaken = _delays(setpoints, said.get("used"), log["odometry"])
+    figures = {
+        "setpoints": len(setpoints),
+        "period_p50_ms": 1e3 * quantile(gaps, 0.5),
+        "deviation_p50_ms": 1e3 * quantile([abs(gap - period_s) for gap in gaps], 0.5),
+        "deviation_p99_ms": 1e3 * quantile([abs(gap - period_s) for gap in gaps], 0.99),
+        "delay_p50_ms": 1e3 * quantile(delays, 0.5),
+        "delay_p99_ms": 1e3 * quantile(delays, 0.99),
+        "overtaken_pct": 100.0 * overtaken / max(1, len(delays)),
+        "cpu_pct": 100.0 * said["cpu_s"] / (to_s - from_s),
+        "cpu_s_per_minute": 60.0 * said["cpu_s"] / (to_s - from_s),
+        "rss_mb": said["rss_mb"],
+    }
+    return figures | {key: value for key, value in said.items() if key not in _OWN}
 
 
-def quantile(values: list[float], share: float) -> float:
-    """The value below which a share of the values lies (nearest rank)."""
-    ordered = sorted(values)
-    return ordered[min(len(ordered) - 1, round(share * (len(ordered) - 1)))]
+_OWN = frozenset({"from_s", "to_s", "cpu_s", "rss_mb", "used"})
 
 
-def as_dict(figures: LoopFigures) -> dict[str, Any]:
-    """The figures as JSON has them."""
-    return {name: round(value, 3) for name, value in asdict(figures).items()}
+def _delays(
+    setpoints: list[tuple[float, float]], used: list[tuple[float, int]] | None, odometry: list[tuple[int, float]]
+) -> tuple[list[float], int]:
+    """From ODOMETRY on the wire to the setpoint that used it; how many left 1 ms or more after a newer one came.
+
+    The daemon says which number it used at which tick; the others send it in the thrust.
+    """
+    delays, overtaken, tick, newest = [], 0, 0, 0
+    for at_s, thrust in setpoints:
+        number = round((thrust - 0.3) * 1e4) % NUMBERS
+        if used is not None:
+            while tick + 1 < len(used) and used[tick + 1][0] <= at_s:
+                tick += 1
+            number = used[tick][1] % NUMBERS
+        while newest + 1 < len(odometry) and odometry[newest + 1][1] <= at_s:
+            newest += 1
+        own = newest
+        while own > 0 and odometry[own][0] != number and newest - own < NUMBERS:
+            own -= 1
+        if odometry[own][0] == number:
+            delays.append(at_s - odometry[own][1])
+            overtaken += own < newest and odometry[own + 1][1] <= at_s - 1e-3
+    return delays, overtaken
+
+
+async def _subscribe(path: Path) -> None:
+    async def one() -> None:
+        async with FlightClient(path, reconnect_s=_PATIENCE_S) as client:
+            async for _ in client.telemetry(*_TOPICS, rate_hz=20.0):
+                pass
+
+    await asyncio.sleep(_START_S)
+    with contextlib.suppress(FlightError, OSError):
+        await asyncio.gather(*(one() for _ in range(SUBSCRIBERS)))
 
 
 @contextlib.asynccontextmanager
-async def _simulator() -> AsyncIterator[int]:
-    """``flightd sim`` in a process of its own; its port."""
+async def _process(command: list[str], out: Path | None = None) -> AsyncIterator[asyncio.subprocess.Process]:
+    """A process that is told to end at the end; what it says goes to a file, its complaints beside it."""
+    environment = {**os.environ, "MAVLINK20": "1", "PYTHONPATH": str(_ROOT)}
+    with contextlib.ExitStack() as stack:
+        to = stack.enter_context((out or Path(os.devnull)).open("wb"))
+        complaints = stack.enter_context((out.with_suffix(".err") if out else Path(os.devnull)).open("wb"))
+        process = await asyncio.create_subprocess_exec(*command, stdout=to, stderr=complaints, env=environment)
+        try:
+            yield process
+        finally:
+            if process.returncode is None:
+                process.terminate()
+                await process.wait()
+
+
+def _free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
-        port = int(probe.getsockname()[1])
-    with tempfile.TemporaryDirectory() as folder, (Path(folder) / "sim.log").open("wb") as log:
-        process = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", "daemon.cli.main", "sim", "--port", str(port), stdout=log, stderr=log
-        )
-        try:
-            yield port
-        finally:
-            process.terminate()
-            await process.wait()
+        return int(probe.getsockname()[1])

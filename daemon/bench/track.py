@@ -8,8 +8,8 @@ from math import degrees
 from daemon import frames
 from daemon.autopilot.port import LinkError
 from daemon.bench.cockpit import Cockpit, Flown
-from daemon.bench.loop import quantile
 from daemon.bench.manoeuvres import Manoeuvre, rms
+from daemon.bench.quantiles import quantile
 from daemon.config import load
 from daemon.control.parameters import mavros_controllers
 from daemon.estimation.predictor import PredictorParameters

@@ -22,29 +22,30 @@ def register(app: typer.Typer) -> None:
 
 @bench_app.command()
 def loop(
-    seconds: Annotated[float, typer.Option(help="How long to measure.", min=1.0, max=3600.0)] = 20.0,
+    seconds: Annotated[float, typer.Option(help="How long each flight is measured.", min=1.0, max=3600.0)] = 5.0,
+    rounds: Annotated[int, typer.Option(help="Rounds through all flights; medians are reported.", min=1, max=100)] = 1,
+    rate: Annotated[float, typer.Option(help="The daemon's control rate, Hz.", min=50.0, max=250.0)] = 100.0,
+    only: Annotated[list[str] | None, typer.Option(help="Only this flight; may be repeated.")] = None,
+    grpc_python: Annotated[Path | None, typer.Option(help="A Python that has mavsdk-grpc.")] = None,
+    against: Annotated[Path | None, typer.Option(help="JSON of an earlier run to compare ratios with.")] = None,
+    out: Annotated[Path | None, typer.Option(help="File for the JSON.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Fly the simulated PX4 over MAVSDK in real time and print the statistics of the control loop.
+    """Time the daemon and plain clients, in real time over UDP, against an autopilot's end that keeps time.
 
-    Example: flightd bench loop --seconds 60 --json
+    Example: flightd bench loop --seconds 10 --rounds 3 --only flightd --only "synchronous plugin"
     """
-    from daemon import logs
     from daemon.bench import loop as benchmark
+    from daemon.bench import loop_report
 
-    logs.configure("error")
-    figures = benchmark.as_dict(asyncio.run(benchmark.measure(seconds)))
-    if as_json:
-        typer.echo(json.dumps(figures))
-        return
-    typer.echo(f"control loop over {figures['seconds']} s of flight, {figures['ticks']} ticks")
-    typer.echo(
-        f"  period    p50 {figures['period_p50_ms']:.2f}  p99 {figures['period_p99_ms']:.2f}"
-        f"  max {figures['period_max_ms']:.2f} ms; late {figures['late']}, missed {figures['missed']}"
-    )
-    typer.echo(f"  step      p50 {figures['step_p50_us']:.0f}  p99 {figures['step_p99_us']:.0f} us")
-    typer.echo(f"  state age p50 {figures['age_p50_ms']:.1f}  p99 {figures['age_p99_ms']:.1f} ms when sent")
-    typer.echo(f"  CPU       {figures['cpu_percent']:.1f} % of a core")
+    flights = _named(benchmark.programme(rate, str(grpc_python) if grpc_python else None), only, "flight")
+    figures = asyncio.run(benchmark.measure(flights, seconds, rounds, lambda text: typer.echo(text, err=True)))
+    result = {"seconds": seconds, "rounds": rounds, "rate_hz": rate, "flights": figures}
+    if out is not None:
+        out.write_text(json.dumps(result, indent=1) + "\n")
+    typer.echo(json.dumps(result) if as_json else loop_report.table(figures))
+    if against is not None and not as_json:
+        typer.echo(loop_report.compared(figures, json.loads(against.read_text())))
 
 
 @bench_app.command()
