@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test check bench soak docs-figures replay-update clean
+.PHONY: demo test check bench soak docs-figures fault-matrix mutate replay-update clean
 
 demo: $(STAMP)
 	$(BIN)/flightd demo
@@ -20,6 +20,15 @@ check: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/flightd bench loop
+
+# Flies every fault and writes the measured responses, and the supervisor's diagram, into the document.
+fault-matrix: $(STAMP)
+	PYTHONPATH=tests $(BIN)/python -m support.fault_table docs/safety.md
+
+# Mutation testing of what keeps the vehicle safe; takes hours on all modules, so one can be named: MODULE=daemon/frames.py
+MODULE ?= daemon/safety daemon/control daemon/frames.py daemon/pipeline.py
+mutate: $(STAMP)
+	PYTHONPATH=tests $(BIN)/python -m support.mutate $(MODULE)
 
 # On purpose only: the flow is meant to answer differently from now on.
 replay-update: $(STAMP)

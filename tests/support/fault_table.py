@@ -1,13 +1,17 @@
-"""Flies the fault matrix and writes its table into a document: ``python -m support.fault_table docs/safety.md``."""
+"""Flies the fault matrix and writes its table, and the supervisor's diagram, into a document.
+
+``PYTHONPATH=tests python -m support.fault_table docs/safety.md``
+"""
 
 import sys
 from pathlib import Path
 
 from daemon import logs
+from daemon.safety.supervisor import to_mermaid
 from support.fault_cases import CASES
 from support.fault_matrix import Case, Seen, differences, strike
 
-BEGIN, END = "<!-- fault matrix: begin -->", "<!-- fault matrix: end -->"
+MATRIX, SUPERVISOR = "fault matrix", "supervisor"
 HEAD = (
     "| fault | expected | silent after, s | Hold after, s | largest tilt, deg | goal | ends in |",
     "|---|---|---|---|---|---|---|",
@@ -22,9 +26,22 @@ def row(case: Case, seen: Seen) -> str:
     return "| " + " | ".join((case.name, case.sentence, *figures, outcome, ends)) + " |"
 
 
-def replaced(text: str, begin: str, end: str, body: str) -> str:
-    """The text with what lies between two marks replaced. Raises ``ValueError`` when a mark is missing."""
-    return text[: text.index(begin) + len(begin)] + "\n" + body + "\n" + text[text.index(end) :]
+def between(text: str, name: str) -> tuple[str, str, str]:
+    """What is before, between and after the marks of a part. Raises ``ValueError`` when a mark is missing."""
+    begin, end = f"<!-- {name}: begin -->\n", f"<!-- {name}: end -->"
+    first, last = text.index(begin) + len(begin), text.index(end)
+    return text[:first], text[first:last], text[last:]
+
+
+def replaced(text: str, name: str, body: str) -> str:
+    """The text with another body between the marks of a part."""
+    before, _, after = between(text, name)
+    return before + body + after
+
+
+def diagram() -> str:
+    """The supervisor's table as Mermaid, for Markdown."""
+    return f"```mermaid\n{to_mermaid()}\n```\n"
 
 
 def _seconds(value: float | None) -> str:
@@ -42,7 +59,8 @@ def main(document: Path) -> int:
         for difference in differences(case, seen):
             wrong += 1
             print(f"  {case.name}: {difference}", file=sys.stderr)
-    document.write_text(replaced(document.read_text(), BEGIN, END, "\n".join(lines)))
+    text = replaced(document.read_text(), MATRIX, "\n".join(lines) + "\n")
+    document.write_text(replaced(text, SUPERVISOR, diagram()))
     return int(wrong > 0)
 
 
