@@ -127,18 +127,7 @@ async def fly(
     ``NotPossibleError`` and ``LinkError``.
     """
     commander = vehicle.commander
-    tell("waiting for the autopilot")
-    ready = (State.STANDBY, State.READY, State.PILOT)
-    await commander.wait_for(lambda: commander.state in ready and _estimated(vehicle), CONNECT_S, "connected")
-    grounded = commander.state is State.STANDBY
-    if grounded:
-        if takeoff_m is None:
-            raise NotPossibleError("the vehicle is on the ground: fly it to Hold first, or let it with --takeoff")
-        tell(f"taking off to {takeoff_m:g} m")
-        await commander.wait_for(
-            lambda: vehicle.autopilot.status.value.global_position is not None, LOCATE_S, "located"
-        )
-        await commander.takeoff(takeoff_m)
+    grounded = await _airborne(vehicle, takeoff_m, tell)
     guard = Guard(pulsed)
     vehicle.control.listeners.append(guard.on_tick)
     try:
@@ -157,6 +146,23 @@ async def fly(
         tell("landing")
         await commander.land()
     return recording
+
+
+async def _airborne(vehicle: Vehicle, takeoff_m: float | None, tell: Callable[[str], None]) -> bool:
+    """Wait for the vehicle, and take off if it is on the ground and may; whether it was."""
+    commander = vehicle.commander
+    tell("waiting for the autopilot")
+    ready = (State.STANDBY, State.READY, State.PILOT)
+    await commander.wait_for(lambda: commander.state in ready and _estimated(vehicle), CONNECT_S, "connected")
+    if commander.state is not State.STANDBY:
+        return False
+    if takeoff_m is None:
+        raise NotPossibleError("the vehicle is on the ground: fly it to Hold first, or let it with --takeoff")
+    tell(f"taking off to {takeoff_m:g} m")
+    status = vehicle.autopilot.status
+    await commander.wait_for(lambda: status.value.global_position is not None, LOCATE_S, "located")
+    await commander.takeoff(takeoff_m)
+    return True
 
 
 async def _pulse(pulsed: PulsedAutopilot, guard: Guard, programme: Programme, tell: Callable[[str], None]) -> Recording:

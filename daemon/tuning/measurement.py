@@ -12,10 +12,10 @@ from daemon.messages import GRAVITY_M_S2
 from daemon.tuning.experiment import Recording
 from daemon.tuning.pulses import LEAD_S, RATE_AXES, Axis, Pulse
 
-F = TypeVar("F", Fit, ThrustFit)
 T = TypeVar("T")
 
-_GRID_S = 0.004
+_GRID_S = 0.002
+_EDGE = 25  # samples of the grid that a speed at the edge of a window is the mean of
 _UNEXPLAINED_MAX = {Axis.ROLL: 0.3, Axis.PITCH: 0.3, Axis.YAW: 0.3, Axis.THRUST: 0.4}
 _ERROR_MAX = 0.15  # of dead time and lag, relative
 _HOVER_ERROR_MAX = 0.03  # relative
@@ -78,7 +78,8 @@ class Thrust:
     full_thrust_m_s2: Quantity
     drag_1_s: Quantity
     unexplained: float
-    fits: tuple[ThrustFit, ...]
+    fit: ThrustFit
+    mean: Window
     windows: tuple[Window, ...]
 
     @property
@@ -196,20 +197,53 @@ def _rate_loop(windows: list[Window]) -> RateLoop:
 
 
 def _thrust(windows: list[Window]) -> Thrust:
-    fits = [fit_thrust(w.time_s, w.command, w.response) for w in windows]
+    """Dynamics from the mean of the pulses, those of the other sign upside down: what drifts cancels out."""
+    fit = _fit_of_mean(windows)
+    others = [_fit_of_mean([w for w in windows if w is not left_out]) for left_out in windows]
     return Thrust(
-        total_s=_typical(fits, lambda fit: fit.dead_time_s + fit.lag_s),
-        lag_s=_typical(fits, lambda fit: fit.lag_s),
-        hover_thrust=_typical(fits, lambda fit: fit.hover_thrust),
-        full_thrust_m_s2=_typical(fits, lambda fit: fit.full_thrust_m_s2),
-        drag_1_s=_typical(fits, lambda fit: fit.drag_1_s),
-        unexplained=float(np.median([fit.unexplained for fit in fits])),
-        fits=tuple(fits),
+        total_s=_jackknifed(fit, others, lambda f: f.dead_time_s + f.lag_s),
+        lag_s=_jackknifed(fit, others, lambda f: f.lag_s),
+        hover_thrust=_typical(windows, lambda window: _hover_thrust(window, fit)),
+        full_thrust_m_s2=_jackknifed(fit, others, lambda f: f.full_thrust_m_s2),
+        drag_1_s=_jackknifed(fit, others, lambda f: f.drag_1_s),
+        unexplained=fit.unexplained,
+        fit=fit,
+        mean=_mean(windows),
         windows=tuple(windows),
     )
 
 
-def _typical(fits: list[F], of: Callable[[F], float]) -> Quantity:
+def _mean(windows: Sequence[Window]) -> Window:
+    up = [1.0 if window.pulse.size > 0.0 else -1.0 for window in windows]
+    size = min(len(window.time_s) for window in windows)
+    command, response = (
+        np.mean([sign * values[:size] for sign, values in zip(up, rows, strict=True)], axis=0)
+        for rows in ([w.command for w in windows], [w.response for w in windows])
+    )
+    return Window(windows[0].pulse, windows[0].time_s[:size], command, response)
+
+
+def _fit_of_mean(windows: Sequence[Window]) -> ThrustFit:
+    mean = _mean(windows)
+    return fit_thrust(mean.time_s, mean.command, mean.response)
+
+
+def _hover_thrust(window: Window, fit: ThrustFit) -> float:
+    """The thrust about which the vertical speed does not change: dv/dt = -k (u - hover) - d v, over the window."""
+    duration_s = float(window.time_s[-1] - window.time_s[0])
+    gained = float(np.mean(window.response[-_EDGE:]) - np.mean(window.response[:_EDGE]))
+    sunk = float(np.mean(window.response)) * duration_s
+    return float(np.mean(window.command)) + (gained + fit.drag_1_s * sunk) / (fit.full_thrust_m_s2 * duration_s)
+
+
+def _jackknifed(fit: ThrustFit, others: Sequence[ThrustFit], of: Callable[[ThrustFit], float]) -> Quantity:
+    """The number with the standard error that leaving out each pulse in turn shows."""
+    values = np.array([of(other) for other in others])
+    spread = float(np.sum((values - values.mean()) ** 2))
+    return Quantity(of(fit), ((len(values) - 1) / len(values) * spread) ** 0.5)
+
+
+def _typical(fits: Sequence[T], of: Callable[[T], float]) -> Quantity:
     """Median over the pulses: a stall of the machine in one of them does not move it."""
     values = np.array([of(fit) for fit in fits])
     middle = float(np.median(values))

@@ -11,11 +11,12 @@ from daemon.control.parameters import ControlParameters, from_airframe
 from daemon.messages import Vec3
 from daemon.parameters import control_parameters
 from daemon.settings import Config
-from daemon.tuning.measurement import Measured
+from daemon.tuning.measurement import Measured, Thrust
 
 PHASE_MIN_RAD = radians(15.0)  # with all the dead time that the prediction does not cover
 _SLOWER = 1.05
 _SLOWEST = 4.0
+_LAG_ERROR_MAX = 0.2  # relative, of dead time and lag of thrust
 _CURVE_MIN = 0.25  # a smaller share of the square cannot be told from none
 _GAINS = ("position_gain_1_s2", "velocity_gain_1_s", "attitude_time_constant_s", "disturbance_bandwidth_rad_s")
 _VEHICLE = ("hover_thrust", "thrust_curve", "thrust_lag_s", "rate_lag_s")
@@ -62,7 +63,7 @@ def propose(measured: Measured, config: Config) -> Proposal:
         **{name: getattr(gains, name) for name in _GAINS},
         hover_thrust=measured.thrust.hover_thrust.value,
         thrust_curve=thrust_curve(measured.thrust.slope, measured.thrust.hover_thrust.value),
-        thrust_lag_s=measured.thrust.lag_s.value,
+        thrust_lag_s=_thrust_lag_s(measured.thrust, configured.thrust_lag_s),
         rate_lag_s=(measured.roll.lag_s.value, measured.pitch.lag_s.value, measured.yaw.lag_s.value),
     )
     return Proposal(
@@ -72,6 +73,12 @@ def propose(measured: Measured, config: Config) -> Proposal:
         unpredicted_s=unpredicted_s,
         slowed=slowed,
     )
+
+
+def _thrust_lag_s(thrust: Thrust, configured_s: float) -> float:
+    """The measured lag where it is sharp; over a noisy estimate of the velocity it often is not."""
+    sharp = thrust.total_s.error <= _LAG_ERROR_MAX * thrust.total_s.value
+    return thrust.lag_s.value if sharp else configured_s
 
 
 def thrust_curve(slope: float, hover_thrust: float) -> float:

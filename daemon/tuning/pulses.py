@@ -9,7 +9,7 @@ from daemon.messages import Setpoint
 
 LEAD_S = 0.3
 _LIMIT_SHARE = 0.5  # of the configured limit that a pulse takes at most
-_THRUST_SHARE = 0.12  # of hover thrust
+_THRUST_SHARE = 0.15  # of hover thrust
 
 
 class Axis(Enum):
