@@ -1,10 +1,14 @@
 """What subscribers and the log hear: telemetry at their rates, and events as they happen."""
 
 from math import degrees
+from typing import Any
 
 from daemon import logs
+from daemon.frames import norm
 from daemon.goals.hub import Hub
+from daemon.guidance.goals import Goal, PolynomialGoal
 from daemon.guidance.plan import Plan
+from daemon.guidance.polynomial import candidates
 from daemon.journal import Journal
 from daemon.loops.vehicle import Vehicle
 from daemon.messages import Vec3
@@ -14,6 +18,7 @@ from daemon.safety.reasons import REASONS
 from daemon.safety.supervisor import State
 
 PLAN_POINTS = 100
+CANDIDATE_POINTS = 16
 
 log = logs.get("vehicle")
 
@@ -29,6 +34,7 @@ class Telemetry:
         self._state: State | None = None
         self._refused: str | None = None
         self._plan: Plan | None = None
+        self._drawn: dict[str, Any] = {}
         vehicle.control.listeners.append(self.on_tick)
 
     def on_tick(self, _inputs: Inputs, record: Record) -> None:
@@ -49,10 +55,7 @@ class Telemetry:
             hub.publish("loops", self._reports.loops())
         if hub.wants("health"):
             self._publish_health(record)
-        plan = self._vehicle.trajectory.plan.value
-        if plan is not None and (plan is not self._plan or hub.wants("plan")):
-            self._publish_plan(plan, record)
-        self._plan = plan
+        self._publish_plan(record)
 
     def _publish_state(self, record: Record) -> None:
         report = self._reports.vehicle()
@@ -91,17 +94,16 @@ class Telemetry:
             },
         )
 
-    def _publish_plan(self, plan: Plan, record: Record) -> None:
-        outline = plan.outline(PLAN_POINTS)
-        spacing_s = outline[1].time_s - outline[0].time_s if len(outline) > 1 else 0.0
-        self._journal.plan(
-            {
-                "time_s": record.now_s,
-                "goal_id": self._vehicle.trajectory.goal_id,
-                "spacing_s": spacing_s,
-                "positions_ned_m": [list(reference.position_ned_m) for reference in outline],
-            },
-        )
+    def _publish_plan(self, record: Record) -> None:
+        """A plan is drawn once, when it is new; it goes out then, and as often as somebody wants it."""
+        trajectory = self._vehicle.trajectory
+        plan, before = trajectory.plan.value, self._plan
+        self._plan = plan
+        if plan is None or (plan is before and not self._hub.wants("plan")):
+            return
+        if plan is not before:
+            self._drawn = _drawn(plan, trajectory.order.goal if trajectory.order else None)
+        self._journal.plan({"time_s": record.now_s, "goal_id": trajectory.goal_id, **self._drawn})
 
     def _events(self, record: Record) -> None:
         supervision = record.supervision
@@ -128,6 +130,22 @@ class Telemetry:
             )
             log.warning(event.name, kinds=kinds, cause=event.cause, text=text)
             self._journal.event(event.name, text)
+
+
+def _drawn(plan: Plan, goal: Goal | None) -> dict[str, Any]:
+    """The path, and the primitives that a polynomial's was chosen from (while it, not a brake, is flown)."""
+    outline = plan.outline(PLAN_POINTS)
+    start = outline[0]
+    chosen_from: list[list[list[float]]] = []
+    if isinstance(goal, PolynomialGoal) and start.jerk_ned_m_s3 == goal.jerk_ned_m_s3:
+        primitives = candidates(start, norm(goal.jerk_ned_m_s3), goal.duration_s)
+        chosen_from = [[list(r.position_ned_m) for r in one.outline(CANDIDATE_POINTS)] for one in primitives]
+    return {
+        "start_s": start.time_s,
+        "spacing_s": outline[1].time_s - start.time_s if len(outline) > 1 else 0.0,
+        "positions_ned_m": [list(reference.position_ned_m) for reference in outline],
+        "candidates_ned_m": chosen_from,
+    }
 
 
 def _m(v: Vec3) -> str:

@@ -197,12 +197,17 @@ class SetpointTelemetry(TypedDict):
 
 
 class PlanTelemetry(TypedDict):
-    """Payload of telemetry.plan: the whole planned path, positions at even spacing in time from ``time_s`` on."""
+    """Payload of telemetry.plan: the whole planned path, positions at even spacing in time from ``start_s`` on.
+
+    ``candidates_ned_m``: the paths of the seven motion primitives of a polynomial's jerk, none for other goals.
+    """
 
     time_s: float
     goal_id: str | None
+    start_s: float
     spacing_s: float
     positions_ned_m: list[Vector]
+    candidates_ned_m: list[list[Vector]]
 
 
 class HealthTelemetry(TypedDict):
