@@ -47,7 +47,7 @@ class Case:
     def sentence(self) -> str:
         """The expected response in words."""
         if self.silent_s is None:
-            return f"flies on, the goal {self.outcome}"
+            return "flies on, the goal succeeds"
         hold = "" if self.hold_s is None else f", Hold within {self.hold_s:g} s"
         return f"`{self.left}`, silent within {self.silent_s:g} s{hold}"
 
