@@ -11,10 +11,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from daemon.cli.common import Exit, examples, fail, say, say_json
+
 if TYPE_CHECKING:
     from daemon.sim.mavlink_server import MavlinkServer
 
-sim_app = typer.Typer(invoke_without_command=True, no_args_is_help=False)
+_LAST_PORT = 65535
+
+sim_app = typer.Typer(invoke_without_command=True, no_args_is_help=False, rich_markup_mode=None)
 
 
 def register(app: typer.Typer) -> None:
@@ -22,22 +26,36 @@ def register(app: typer.Typer) -> None:
     app.add_typer(sim_app, name="sim")
 
 
-@sim_app.callback()
+@sim_app.callback(
+    epilog=examples(
+        "flightd sim",
+        "flightd sim --vehicles 3 --airframe x500 --port 15540",
+        "flightd sim --fault 'gps_loss at_s=30 duration_s=10' --fault 'wind north_m_s=5 turbulence_m_s=1'",
+        "flightd sim --scenario bad_day.yaml",
+        "flightd sim fault gps_loss duration_s=10",
+    )
+)
 def sim(
     context: typer.Context,
     port: Annotated[
         int, typer.Option(help="UDP port of 127.0.0.1 that the vehicle sends to.", min=1, max=65535)
     ] = 14540,
-    seed: Annotated[int, typer.Option(help="Seed of noise and faults.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of noise and faults.", min=0)] = 0,
     vehicles: Annotated[int, typer.Option(help="Vehicles; ports and system ids count up.", min=1, max=50)] = 1,
     airframe: Annotated[str, typer.Option(help="Name (sih, x500) or path of a YAML file.")] = "sih",
     speed: Annotated[float, typer.Option(help="Simulated seconds a second.", min=0.01, max=50.0)] = 1.0,
     control: Annotated[Path | None, typer.Option(help="Socket for `flightd sim fault`.")] = None,
     noise: Annotated[bool, typer.Option(help="Sensor and estimator noise as recorded from PX4.")] = True,
+    scenario: Annotated[Path | None, typer.Option(help="YAML list of faults with at_s: docs/simulator.md.")] = None,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(help="One fault: its name and key=value words; at_s and vehicle say when and whom. Repeatable."),
+    ] = None,
 ) -> None:
-    """Simulate a PX4 quadrotor that speaks MAVLink over UDP on this machine, until Ctrl-C.
+    """Simulate PX4 quadrotors that speak MAVLink over UDP on this machine, until Ctrl-C.
 
-    Example: flightd sim, and in another terminal: flightd run --config sim
+    In another terminal: flightd run --config sim. Faults come from a scenario file, from --fault, or while it runs
+    from `flightd sim fault`; `flightd sim fault list` names them.
     """
     if context.invoked_subcommand is not None:
         return
@@ -45,25 +63,37 @@ def sim(
         from daemon.sim.airframe_files import load
         from daemon.sim.mavlink_server import MavlinkServer
     except ModuleNotFoundError as error:
-        typer.echo(f"the simulator needs {error.name}: pip install 'flightd[sim]'", err=True)
-        raise typer.Exit(2) from None
+        fail(Exit.REFUSED, f"the simulator needs {error.name}: pip install 'flightd[sim]'", False)
+    from daemon.sim import scenario as scenarios
     from daemon.sim.fault_requests import fault_requests
     from daemon.sim.px4 import SimulatedPx4
 
+    if port + vehicles - 1 > _LAST_PORT:
+        fail(Exit.REFUSED, f"--port {port}: {vehicles} vehicles need ports up to {port + vehicles - 1}", False)
     try:
         frame = load(airframe)
+        fleet = [
+            SimulatedPx4(airframe=frame, seed=seed + index, system_id=1 + index, noise=noise)
+            for index in range(vehicles)
+        ]
+        planned = scenarios.load(scenario) if scenario is not None else ()
+        scenarios.schedule(fleet, [*planned, *(scenarios.from_option(text) for text in fault or [])])
     except ValueError as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(2) from None
-    fleet = [
-        SimulatedPx4(airframe=frame, seed=seed + index, system_id=1 + index, noise=noise) for index in range(vehicles)
-    ]
+        fail(Exit.REFUSED, str(error), False)
     for index in range(vehicles):
-        typer.echo(f"simulated PX4 {1 + index} sends to udp 127.0.0.1:{port + index}")
+        say(f"simulated PX4 {1 + index} sends to udp 127.0.0.1:{port + index}")
     path = control or control_path(port)
     path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     server = MavlinkServer(fleet, port=port, speed=speed, control_path=path, on_request=fault_requests(fleet))
     asyncio.run(_until_stopped(server))
+    say(_summary(server))
+
+
+def _summary(server: "MavlinkServer") -> str:
+    return (
+        f"{server.steps} steps of 4 ms; {server.late_steps} late (at most {server.latest_s * 1e3:.0f} ms) and made up "
+        f"for, {server.lost_steps} lost"
+    )
 
 
 def control_path(port: int) -> Path:
@@ -72,36 +102,46 @@ def control_path(port: int) -> Path:
     return Path(folder) / f"flightd-sim-{port}.sock"
 
 
-@sim_app.command()
-def fault(
+@sim_app.command(
+    name="fault",
+    epilog=examples(
+        "flightd sim fault list",
+        "flightd sim fault gps_loss duration_s=10",
+        "flightd sim fault link direction=down loss=0.2 jitter_s=0.05 --vehicle 2",
+        "flightd sim fault clear fault=gps_loss",
+        "flightd sim fault clear",
+    ),
+)
+def run_time_fault(
     name: Annotated[str, typer.Argument(help="Name of a fault, or `list`, or `clear`.")],
     settings: Annotated[list[str] | None, typer.Argument(help="Its settings, as key=value.")] = None,
     port: Annotated[int, typer.Option(help="Port of the simulator.")] = 14540,
     vehicle: Annotated[int | None, typer.Option(help="System id; all vehicles without it.")] = None,
     control: Annotated[Path | None, typer.Option(help="The simulator's control socket.")] = None,
 ) -> None:
-    """Make something fail in a running simulator.
+    """Make something fail in a running simulator now, or name the faults that there are and those at work.
 
-    Examples: flightd sim fault gps_loss duration_s=10, flightd sim fault clear, flightd sim fault list
+    The answer is JSON. The faults and their settings are in docs/simulator.md.
     """
-    values = {key: _value(text) for key, _, text in (setting.partition("=") for setting in settings or [])}
+    from daemon.sim.scenario import settings_of
+
+    try:
+        values = settings_of(settings or [])
+    except ValueError as error:
+        fail(Exit.REFUSED, str(error), False)
     request: dict[str, Any] = {"list": True}
     if name == "clear":
-        request = {"clear": values.get("fault")}
+        request = {"clear": values.pop("fault", None)}
     elif name != "list":
-        request = {"inject": {"fault": name, **values}}
+        request, values = {"inject": values | {"fault": name}}, {}
+    if values:
+        fail(Exit.REFUSED, f"{name} has no {', '.join(values)}", False)
     if vehicle is not None:
         request["vehicle"] = vehicle
     answer = _asked(control or control_path(port), request)
-    typer.echo(json.dumps(answer), err="error" in answer)
-    raise typer.Exit(2 if "error" in answer else 0)
-
-
-def _value(text: str) -> Any:
-    try:
-        return json.loads(text)
-    except ValueError:
-        return text
+    if "error" in answer:
+        fail(Exit.REFUSED, answer["error"], False)
+    say_json(answer)
 
 
 def _asked(path: Path, request: dict[str, Any]) -> dict[str, Any]:
@@ -111,8 +151,7 @@ def _asked(path: Path, request: dict[str, Any]) -> dict[str, Any]:
             channel.sendall(json.dumps(request).encode() + b"\n")
             answer: dict[str, Any] = json.loads(channel.makefile().readline())
     except OSError as error:
-        typer.echo(f"no simulator listens at {path}: {error.strerror}; start one with `flightd sim`", err=True)
-        raise typer.Exit(5) from None
+        fail(Exit.NO_DAEMON, f"no simulator listens at {path}: {error.strerror}; start one with `flightd sim`", False)
     return answer
 
 

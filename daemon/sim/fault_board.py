@@ -4,8 +4,9 @@ from collections.abc import Iterable
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING
 
-from daemon.sim.faults import FAULTS, Fault, ScheduledFault, SpoiltTelemetry
+from daemon.sim.faults import FAULTS, Fault, SpoiltTelemetry
 from daemon.sim.sample import Fields
+from daemon.sim.scenario import ScheduledFault
 
 if TYPE_CHECKING:
     from daemon.sim.px4 import SimulatedPx4

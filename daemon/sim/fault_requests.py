@@ -2,13 +2,14 @@
 
 - ``{"inject": {"fault": "gps_loss", "duration_s": 10}}``: begin a fault now; keys as in a scenario;
 - ``{"clear": "gps_loss"}``: end the active faults of this name, ``{"clear": null}``: all of them;
-- ``{"list": true}``: which are active.
+- ``{"list": true}``: which are active, and ``known``: fault names to their settings.
 
 ``"vehicle"`` with a system id chooses one vehicle; without it all are meant. Every answer has ``active``: system id to
 names of the faults at work.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import fields
 from typing import Any
 
 from daemon.sim.control_socket import Handler
@@ -17,6 +18,7 @@ from daemon.sim.px4 import SimulatedPx4
 
 _NAMES = {kind: name for name, kind in FAULTS.items()}
 _VERBS = ("inject", "clear", "list")
+_KNOWN = {name: [field.name for field in fields(kind)] for name, kind in FAULTS.items()}
 
 
 def fault_requests(vehicles: Sequence[SimulatedPx4]) -> Handler:
@@ -30,7 +32,7 @@ def fault_requests(vehicles: Sequence[SimulatedPx4]) -> Handler:
         chosen = _chosen(vehicles, request.get("vehicle"))
         _ACTIONS[verbs[0]](chosen, request[verbs[0]])
         active = {str(px4.system_id): [_NAMES[type(fault)] for fault in px4.faults.active] for px4 in chosen}
-        return {"active": active}
+        return {"active": active} | ({"known": _KNOWN} if verbs[0] == "list" else {})
 
     return handle
 

@@ -1,10 +1,11 @@
 """Faults as data: each says what happens to a simulated PX4 when it begins and when it ends.
 
-In files and at run time a fault is a mapping: ``{fault: gps_loss, duration_s: 10}``; a scenario is a list of them with
-``at_s`` (simulated seconds from the start). Faults that pass by themselves or cannot end have no ``end``.
+Everywhere a fault is a mapping: ``{fault: gps_loss, duration_s: 10}``. Faults that pass by themselves or cannot end
+have no ``end``.
 """
 
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable
+from dataclasses import fields
 from math import inf, isfinite
 from typing import Any
 
@@ -51,13 +52,12 @@ __all__ = [
     "Payload",
     "PilotTakesOver",
     "Reboot",
-    "ScheduledFault",
     "SpoiltTelemetry",
     "SteadyWind",
     "StoppedTelemetry",
     "WindGust",
+    "checked",
     "from_mapping",
-    "scenario",
 ]
 
 _RANGES = {
@@ -98,14 +98,6 @@ FAULTS: dict[str, type[Fault]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class ScheduledFault:
-    """A fault of a scenario, ``at_s`` simulated seconds after the start."""
-
-    at_s: float
-    fault: Fault = field(default_factory=Fault)
-
-
 def from_mapping(data: dict[str, Any]) -> Fault:
     """A fault from its mapping. Raises ValueError that names the offending key."""
     name = data.get("fault")
@@ -115,47 +107,44 @@ def from_mapping(data: dict[str, Any]) -> Fault:
     known = {f.name: f for f in fields(kind)}
     arguments: dict[str, Any] = {}
     for key, value in data.items():
-        if key in ("fault", "at_s"):
+        if key == "fault":
             continue
         if key not in known:
             raise ValueError(f"{name}.{key}: unknown; known: {', '.join(known)}")
-        arguments[key] = _checked(f"{name}.{key}", str(known[key].type), value)
-        low, high = _RANGES.get(key, (-inf, inf))
-        if key in _RANGES and not low <= value <= high:
-            raise ValueError(f"{name}.{key}: {value!r} is not in {low:g} to {high:g}")
+        arguments[key] = checked(f"{name}.{key}", str(known[key].type), value, *_RANGES.get(key, ()))
     try:
         return kind(**arguments)
     except ValueError as error:
         raise ValueError(f"{name}.{error}") from error
 
 
-def scenario(items: list[dict[str, Any]]) -> tuple[ScheduledFault, ...]:
-    """A scenario in the order of time. Raises ValueError that names the offending item and key."""
-    planned = []
-    for index, item in enumerate(items):
-        try:
-            at_s = _checked("at_s", "float", item.get("at_s"))
-            planned.append(ScheduledFault(at_s, from_mapping(item)))
-        except ValueError as error:
-            raise ValueError(f"[{index}].{error}") from error
-    return tuple(sorted(planned, key=lambda entry: entry.at_s))
+def checked(path: str, annotation: str, value: Any, low: float = -inf, high: float = inf) -> Any:
+    """The value as the type that an annotation names, within a range. Raises ValueError that names the path."""
+    kind = _kind(annotation)
+    known, cast = _KINDS[kind]
+    if kind == "a list of words" and isinstance(value, str):
+        value = [value]
+    if not known(value):
+        raise ValueError(f"{path}: {value!r} is not {kind}")
+    if kind.endswith("number") and not low <= value <= high:
+        raise ValueError(f"{path}: {value!r} is not in {low:g} to {high:g}")
+    return cast(value)
 
 
-def _checked(path: str, annotation: str, value: Any) -> Any:
-    """The value as the field's type, or ValueError."""
-    if "tuple" in annotation:
-        items = [value] if isinstance(value, str) else value
-        if isinstance(items, list) and all(isinstance(item, str) for item in items):
-            return tuple(items)
-    elif "bool" in annotation:
-        if isinstance(value, bool):
-            return value
-    elif "str" in annotation:
-        if isinstance(value, str):
-            return value
-    elif "int" in annotation.split(" ") or annotation == "<class 'int'>":
-        if isinstance(value, int) and not isinstance(value, bool):
-            return value
-    elif isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value):
-        return float(value)
-    raise ValueError(f"{path}: {value!r} is not of type {annotation}")
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+
+
+# what a value is called: whether it is one, and what it becomes
+_KINDS: dict[str, tuple[Callable[[Any], bool], Callable[[Any], Any]]] = {
+    "a list of words": (lambda v: isinstance(v, list) and all(isinstance(item, str) for item in v), tuple),
+    "true or false": (lambda v: isinstance(v, bool), bool),
+    "a word": (lambda v: isinstance(v, str), str),
+    "a whole number": (lambda v: isinstance(v, int) and not isinstance(v, bool), int),
+    "a number": (_is_number, float),
+}
+
+
+def _kind(annotation: str) -> str:
+    words = {"tuple": "a list of words", "bool": "true or false", "str": "a word", "int": "a whole number"}
+    return next((kind for word, kind in words.items() if word in annotation), "a number")

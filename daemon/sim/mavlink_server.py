@@ -73,8 +73,10 @@ class MavlinkEndpoint(asyncio.DatagramProtocol):
 class MavlinkServer:
     """Steps vehicles on one 4 ms grid of the loop's clock and carries their messages.
 
-    ``speed`` 2.0 makes a second of theirs half a second of ours. ``lost_steps`` counts the steps that were skipped
-    because the machine stalled. System ids are the vehicles' own, counting up as the ports do.
+    ``speed`` 2.0 makes a second of theirs half a second of ours. ``steps`` counts those that were made, ``late_steps``
+    those of them that began when the next was due already and were made up for, ``lost_steps`` those that were skipped
+    because the machine stalled; ``latest_s`` is how long after its time a step began at worst. System ids are the
+    vehicles' own, counting up as the ports do.
     """
 
     def __init__(
@@ -91,7 +93,8 @@ class MavlinkServer:
             MavlinkEndpoint(px4, first_system_id + index, port + index) for index, px4 in enumerate(vehicles)
         ]
         self.speed = speed
-        self.lost_steps = 0
+        self.steps = self.late_steps = self.lost_steps = 0
+        self.latest_s = 0.0
         self._control_path = control_path
         self._on_request = on_request
 
@@ -110,7 +113,10 @@ class MavlinkServer:
         period_s = STEP_S / self.speed
         start_s, step = loop.time(), 0
         while True:
-            due = int((loop.time() - start_s) / period_s + _ROUNDING) - step
+            now_s = loop.time()
+            due = int((now_s - start_s) / period_s + _ROUNDING) - step
+            if due > 0:
+                self.latest_s = max(self.latest_s, now_s - start_s - (step + 1) * period_s)
             if due > _LARGEST_CATCH_UP:
                 self.lost_steps += due - 1
                 step += due - 1
@@ -118,6 +124,8 @@ class MavlinkServer:
             for _ in range(due):
                 self._step()
             step += due
+            self.steps += due
+            self.late_steps += max(0, due - 1)
             await asyncio.sleep(max(0.0, start_s + (step + 1) * period_s - loop.time()))
 
     def _step(self) -> None:

@@ -27,7 +27,14 @@ def test_faults_end_by_name_or_all_at_once(fleet: list[SimulatedPx4]) -> None:
     assert handle({"clear": "payload"}) == {"active": {"1": ["no_acks"], "2": ["no_acks"]}}
     assert fleet[0].payload_kg == 0.0
     assert handle({"clear": None, "vehicle": 1}) == {"active": {"1": []}}
-    assert handle({"list": True}) == {"active": {"1": [], "2": ["no_acks"]}}
+    assert handle({"list": True})["active"] == {"1": [], "2": ["no_acks"]}
+
+
+def test_the_list_tells_the_faults_that_there_are_and_their_settings(fleet: list[SimulatedPx4]) -> None:
+    known = fault_requests(fleet)({"list": True})["known"]
+    assert len(known) == 18
+    assert known["gps_loss"] == ["duration_s"]
+    assert set(known["motor_efficiency"]) == {"duration_s", "rotor", "efficiency"}
 
 
 @pytest.mark.parametrize(
