@@ -22,16 +22,18 @@ def assert_continuous(before: Reference, after: Reference) -> None:
 
 
 def assert_within(limits: MotionLimits, reference: Reference, slack: float = 1e-6) -> None:
+    """Beyond no bound by more than ``slack`` of it, which is what rounding makes of a sum of vectors."""
     vx, vy, vz = reference.velocity_ned_m_s
     ax, ay, az = reference.acceleration_ned_m_s2
     jx, jy, jz = reference.jerk_ned_m_s3
-    assert hypot(vx, vy) <= limits.speed_m_s + slack
-    assert -limits.climb_m_s - slack <= vz <= limits.descent_m_s + slack
-    assert hypot(ax, ay) <= limits.acceleration_m_s2 + slack
-    assert abs(az) <= limits.vertical_acceleration_m_s2 + slack
-    assert hypot(jx, jy) <= limits.jerk_m_s3 + slack
-    assert abs(jz) <= limits.jerk_m_s3 + slack
-    assert abs(reference.yaw_rate_rad_s) <= limits.yaw_rate_rad_s + slack
+    more = 1.0 + slack
+    assert hypot(vx, vy) <= limits.speed_m_s * more
+    assert -limits.climb_m_s * more <= vz <= limits.descent_m_s * more
+    assert hypot(ax, ay) <= limits.acceleration_m_s2 * more
+    assert abs(az) <= limits.vertical_acceleration_m_s2 * more
+    assert hypot(jx, jy) <= limits.jerk_m_s3 * more
+    assert abs(jz) <= limits.jerk_m_s3 * more
+    assert abs(reference.yaw_rate_rad_s) <= limits.yaw_rate_rad_s * more
 
 
 def assert_derivatives_agree(plan: Plan, time_s: float, h: float = 1e-5) -> None:
