@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import inf
 from typing import TYPE_CHECKING
 
 from daemon import frames, logs
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from daemon.loops.vehicle import Vehicle
 
 PARAMETER_TIMEOUT_S = 2.0
+SLIP_PERIOD_S = 5.0
+SLIP_SHARE = 0.02
 HOVER_PARAMETER = "MPC_THR_HOVER"
 HOVER_RANGE = (0.1, 0.9)
 
@@ -61,7 +64,8 @@ class HealthTask:
         self._ticks = (-1, -1)
         self._asked_boot: tuple[bool, int] = (False, -1)
         self._asking: asyncio.Task[None] | None = None
-        self._hover_thrust: float | None = None
+        self._missed: dict[str, int] = {}
+        self._judged_s = -inf
 
     async def run(self) -> None:
         """Run until cancelled."""
@@ -71,12 +75,15 @@ class HealthTask:
             if self._asking is not None:
                 self._asking.cancel()
 
-    def _tick(self, _now_s: float, _dt_s: float) -> None:
+    def _tick(self, now_s: float, _dt_s: float) -> None:
         vehicle = self._vehicle
         ticks = (vehicle.control.grid.statistics.ticks, vehicle.trajectory.grid.statistics.ticks)
         if ticks[0] != self._ticks[0] and ticks[1] != self._ticks[1]:
             notify("WATCHDOG=1")
         self._ticks = ticks
+        if now_s - self._judged_s >= SLIP_PERIOD_S:
+            self._judged_s = now_s
+            self._judge_grids()
         status = vehicle.autopilot.status.value
         self._follow_fence(status)
         if status.connected and self._asked_boot != (True, status.boot_count):
@@ -84,6 +91,20 @@ class HealthTask:
             self._asking = asyncio.get_running_loop().create_task(self._ask_parameters())
         elif not status.connected:
             self._asked_boot = (False, status.boot_count)
+
+    def _judge_grids(self) -> None:
+        """Warn while a task misses more than ``SLIP_SHARE`` of its ticks."""
+        for name, grid in (("control", self._vehicle.control.grid), ("trajectory", self._vehicle.trajectory.grid)):
+            missed = grid.statistics.missed
+            lately, self._missed[name] = missed - self._missed.get(name, missed), missed
+            key, slips = f"{name}_slips", lately * grid.period_s > SLIP_SHARE * SLIP_PERIOD_S
+            if slips:
+                self.warnings[key] = (
+                    f"the {name} task missed {lately} ticks in {SLIP_PERIOD_S:g} s: the machine is busy"
+                )
+                log.warning("grid_slips", task=name, missed=lately, within_s=SLIP_PERIOD_S)
+            else:
+                self.warnings.pop(key, None)
 
     def _follow_fence(self, status: AutopilotStatus) -> None:
         """The fence's anchor, where the local frame of now calls it."""

@@ -1,0 +1,68 @@
+"""The health task: the watchdog is fed while both tasks tick, slipping grids and dangerous parameters are told."""
+
+import pytest
+from support.flight import Flight, fly
+
+from daemon.safety.supervisor import State
+
+
+async def standing_by(flight: Flight) -> None:
+    await flight.until(lambda: flight.state is State.STANDBY and flight.now_s > 3.0)
+
+
+async def later(flight: Flight, seconds: float) -> None:
+    since_s = flight.now_s
+    await flight.until(lambda: flight.now_s - since_s >= seconds)
+
+
+@pytest.mark.parametrize("stopped", ["control", "trajectory"])
+def test_the_watchdog_is_fed_five_times_a_second_until_one_task_stops(
+    stopped: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[str] = []
+    monkeypatch.setattr("daemon.loops.health_task.notify", said.append)
+
+    async def scenario(flight: Flight) -> None:
+        await standing_by(flight)
+        said.clear()
+        await later(flight, 2.0)
+        assert said == ["WATCHDOG=1"] * 10
+        getattr(flight.vehicle, stopped).grid._alarm.set(1e9, lambda: None)
+        await later(flight, 0.3)
+        said.clear()
+        await later(flight, 2.0)
+        assert said == []
+
+    fly(scenario)
+
+
+def test_a_grid_that_slips_is_told_until_it_no_longer_does() -> None:
+    async def scenario(flight: Flight) -> None:
+        await standing_by(flight)
+        statistics = flight.vehicle.control.grid.statistics
+        await later(flight, 5.0)
+        assert "control_slips" not in flight.vehicle.health.warnings
+        statistics.missed += 11
+        await later(flight, 5.0)
+        assert "11 ticks" in flight.vehicle.health.warnings["control_slips"]
+        await later(flight, 5.0)
+        assert "control_slips" not in flight.vehicle.health.warnings
+
+    fly(scenario)
+
+
+def test_dangerous_parameters_are_told_with_what_to_set() -> None:
+    async def scenario(flight: Flight) -> None:
+        await standing_by(flight)
+        assert set(flight.vehicle.health.warnings) == {"COM_RC_OVERRIDE", "COM_OF_LOSS_T"}
+        assert "set bit 1 (value 3)" in flight.vehicle.health.warnings["COM_RC_OVERRIDE"]
+
+    fly(scenario, parameters={"COM_RC_OVERRIDE": 1, "COM_OF_LOSS_T": 5.0, "COM_OBL_RC_ACT": 5})
+
+
+def test_sound_parameters_are_not_told() -> None:
+    async def scenario(flight: Flight) -> None:
+        await standing_by(flight)
+        assert flight.vehicle.health.warnings == {}
+
+    fly(scenario, parameters={"COM_RC_OVERRIDE": 3, "COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5})
