@@ -1,6 +1,7 @@
 """The supervisor as sentences: what it is told, what it does, and within which time."""
 
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import pytest
 
@@ -258,7 +259,11 @@ def test_a_vehicle_that_drifts_on_beyond_the_hard_fence_is_brought_down_or_back_
     rig.set(state=vehicle_at((0.0, 0.0, -131.0)))
     rig.tick(100)
     assert [mode for _, mode in rig.asked] == ([] if beyond is FlightMode.HOLD else [beyond])
+    rig.tick(5000)
+    assert len(rig.asked) == (0 if beyond is FlightMode.HOLD else 5), "a refusal is not argued with for ever"
     if beyond is not FlightMode.HOLD:
+        rig.ask(RequestKind.LAND if beyond is FlightMode.LAND else RequestKind.RETURN)
+        rig.tick()
         rig.status(IN_HOLD, mode=beyond, intended_mode=beyond)
         assert rig.tick() is State.LANDING
 
@@ -313,6 +318,36 @@ def test_hold_unconfirmed_becomes_land_then_level_then_silence_within_a_second()
     assert rig.drive is Drive.SILENT
 
 
+def test_the_commands_of_a_hand_over_are_repeated_every_tenth_of_a_second() -> None:
+    rig = releasing()
+    while rig.tick() is State.RELEASING:
+        pass
+    times = [time for time, _ in rig.asked]
+    assert len(times) == 8
+    assert all(0.09 < after - before < 0.12 for before, after in pairwise(times))
+
+
+def test_a_refused_offboard_is_not_asked_for_again_before_two_tenths() -> None:
+    rig = engaging()
+    for _ in range(150):
+        rig.tick()
+        if rig.asked:
+            rig.status(IN_HOLD, mode_refusal=ModeRefusal(FlightMode.OFFBOARD, "no", rig.now_s))
+    times = [time for time, _ in rig.asked]
+    assert len(times) == 7
+    assert all(0.19 < after - before < 0.22 for before, after in pairwise(times))
+
+
+def test_a_hold_that_comes_long_after_it_was_asked_for_is_somebody_elses() -> None:
+    for late_s, state in ((2.9, State.READY), (3.1, State.PILOT)):
+        rig = Rig().status(IN_HOLD, mode=FlightMode.POSITION, intended_mode=FlightMode.POSITION)
+        rig.tick()
+        rig.ask(RequestKind.HOLD)
+        rig.tick(round(late_s / TICK_S))
+        rig.status(IN_HOLD)
+        assert rig.tick(5) is state
+
+
 def test_a_refused_hold_becomes_land_at_once() -> None:
     rig = releasing()
     rig.status(IN_OFFBOARD, mode_refusal=ModeRefusal(FlightMode.HOLD, "no position", rig.now_s))
@@ -345,6 +380,9 @@ def test_a_stalled_task_asks_for_hold_once_more_when_a_heartbeat_of_now_still_sh
     rig = tracking().status(IN_OFFBOARD, heartbeat_s=0.0).set(latched=True)
     assert rig.tick(100) is State.FAULT
     assert rig.asked == [], "an old heartbeat does not tell who has the vehicle"
+    rig.status(IN_OFFBOARD, heartbeat_s=rig.supervision.since_s + 0.29)
+    rig.tick(100)
+    assert rig.asked == [], "it may have waited in a buffer"
     rig.status(IN_OFFBOARD, heartbeat_s=rig.now_s)
     rig.tick(100)
     assert [mode for _, mode in rig.asked] == [FlightMode.HOLD]
