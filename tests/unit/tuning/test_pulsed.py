@@ -1,4 +1,5 @@
 from math import hypot
+from typing import Any
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -20,6 +21,7 @@ class Wire:
         self.odometry: Latest[Odometry | None] = Latest(None)
         self.imu: Latest[Imu | None] = Latest(None)
         self.status = Latest(AutopilotStatus())
+        self.clock: Latest[Any] = Latest(None)
         self.setpoints: list[Setpoint] = []
         self.up = True
 
