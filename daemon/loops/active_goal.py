@@ -41,8 +41,10 @@ class ActiveGoal:
     within_since_s: float | None = None
     reached_s: float | None = None
 
-    def judge(self, plan: Plan, state: EstimatedState, now_s: float) -> tuple[Progress, Verdict | None]:
-        """Progress of now, and the verdict when it has ended."""
+    def judge(
+        self, plan: Plan, state: EstimatedState, speed_m_s: float, now_s: float
+    ) -> tuple[Progress, Verdict | None]:
+        """Progress of now, and the verdict when it has ended; ``speed_m_s`` is that of the vehicle."""
         order = self.order
         self.flying_since_s = now_s if self.flying_since_s is None else self.flying_since_s
         mode = order.goal.mode if isinstance(order.goal, WaypointGoal) else WaypointMode.FULL_POSE
@@ -56,7 +58,7 @@ class ActiveGoal:
         progress = Progress(
             order.goal_id, order.kind, error.position_m, error.angle_rad, plan.progress(now_s), plan.end_s - now_s
         )
-        return progress, self._verdict(plan, error, frames.norm(state.velocity_ned_m_s), now_s, self.flying_since_s)
+        return progress, self._verdict(plan, error, speed_m_s, now_s, self.flying_since_s)
 
     def _verdict(
         self, plan: Plan, error: PoseError, speed_m_s: float, now_s: float, flying_since_s: float

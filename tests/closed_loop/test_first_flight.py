@@ -29,7 +29,7 @@ def test_three_goals_with_a_preemption_and_a_landing(noise: bool, profile: str) 
         assert entry.outcome == "succeeded"
         assert entry.error_m is not None and entry.error_m < 0.3
         assert entry.error_deg is not None and entry.error_deg < 5.0
-        assert flight.state is State.HOLDING
+        await flight.until(lambda: flight.state is State.HOLDING, 0.1)
         await flight.vehicle.commander.land()
         assert flight.state is State.STANDBY
 
