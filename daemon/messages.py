@@ -104,6 +104,23 @@ class Imu:
     magnetic_field_frd_gauss: Vec3
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ClockSync:
+    """What TIMESYNC says of the autopilot's clock: ``offset_s`` is loop time minus autopilot time at ``stamp_us``.
+
+    ``drift`` is what the offset gains in a second. ``uncertainty_s``: half the quickest round trip, and the noise.
+    """
+
+    stamp_us: int
+    offset_s: float
+    drift: float
+    uncertainty_s: float
+
+    def offset_at(self, stamp_us: int) -> float:
+        """The offset when the autopilot's clock shows ``stamp_us``, seconds."""
+        return self.offset_s + self.drift * (stamp_us - self.stamp_us) * 1e-6
+
+
 @dataclass(frozen=True, slots=True)
 class GlobalPosition:
     """WGS84 position: degrees, and metres above mean sea level."""

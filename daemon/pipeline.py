@@ -21,6 +21,7 @@ from daemon.messages import (
     WINDOW_SPACING_S,
     ZERO3,
     AutopilotStatus,
+    ClockSync,
     EstimatedState,
     ExternalPose,
     FlightMode,
@@ -69,6 +70,7 @@ class Inputs:
     latched: bool
     parameters: Parameters
     pose: ExternalPose | None = None
+    clock: ClockSync | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,6 +125,7 @@ def step(
         now_s,
         parameters=parameters.estimator,
         pose=inputs.pose,
+        sync=inputs.clock,
     )
     state = _with_reset(state, estimate)
     supervision, conditions, modes = _supervise(state, inputs, estimate, now_s)

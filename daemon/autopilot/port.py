@@ -5,7 +5,7 @@ from enum import Enum
 from typing import Protocol
 
 from daemon.latest import Latest
-from daemon.messages import AutopilotStatus, FlightMode, Imu, Odometry, Setpoint
+from daemon.messages import AutopilotStatus, ClockSync, FlightMode, Imu, Odometry, Setpoint
 
 
 class CommandKind(Enum):
@@ -46,11 +46,13 @@ class Autopilot(Protocol):
     ``send_setpoint`` and ``request_mode`` never block, never raise, and may be called from the dead-man's thread;
     they return False when nothing could be sent. The outcome of ``request_mode`` shows in ``status``:
     ``mode`` (and ``intended_mode``) when it took effect, ``mode_refusal`` when the autopilot said no.
+    ``clock`` is None while TIMESYNC says nothing of the autopilot's clock.
     """
 
     odometry: Latest[Odometry | None]
     imu: Latest[Imu | None]
     status: Latest[AutopilotStatus]
+    clock: Latest[ClockSync | None]
 
     async def run(self) -> None:
         """Connect, ask for the streams on every (re)connect, keep the cells fresh, until cancelled."""

@@ -10,6 +10,7 @@ from math import inf
 
 from daemon.autopilot import decode, events, streams
 from daemon.autopilot.acks import CommandAcks, Done, ModeAcks
+from daemon.autopilot.ordering import Order, SampleOrder
 from daemon.autopilot.param_reads import ParamReads, Value
 from daemon.autopilot.port import NotConnectedError
 from daemon.autopilot.px4 import (
@@ -22,9 +23,11 @@ from daemon.autopilot.px4 import (
     mode_from_custom,
     set_mode,
 )
+from daemon.autopilot.timesync import TimeSync
 from daemon.latest import Latest
 from daemon.messages import (
     AutopilotStatus,
+    ClockSync,
     FlightMode,
     Imu,
     LandedState,
@@ -42,21 +45,16 @@ _REASON_UPDATE_S = 0.2  # an EVENT that explains a refusal comes within a few ms
 class SessionParams:
     """``link_timeout_s``: without any message for so long the link is lost, 0.5 s.
 
-    ``overtaken_s``: a sample older than the newest by up to this was overtaken on its way and is dropped, 0.2 s.
-    ``reboot_step_s``: one older by more than this means a reboot, 1 s; in between the autopilot's clock was set back,
-    and the sample counts. ``system_id``, ``component_id``: our own MAVLink ids, to know our acks from others'; 0 takes
-    every ack.
+    ``system_id``, ``component_id``: our own MAVLink ids, to know our acks from others'; 0 takes every ack.
     """
 
     link_timeout_s: float = 0.5
-    overtaken_s: float = 0.2
-    reboot_step_s: float = 1.0
     system_id: int = 0
     component_id: int = 0
 
 
 class Px4Session:
-    """Cells ``odometry``, ``imu``, ``status``; ``receive`` and ``poll`` feed it, ``take_outgoing`` empties it.
+    """The port's cells; ``receive`` and ``poll`` feed it, ``take_outgoing`` empties it.
 
     ``connected`` needs messages that keep coming and a HEARTBEAT of PX4 since they do, so that mode and armed state
     are never older than the connection. ``malformed`` counts messages that could not be read, by name.
@@ -67,12 +65,14 @@ class Px4Session:
         self.odometry: Latest[Odometry | None] = Latest(None)
         self.imu: Latest[Imu | None] = Latest(None)
         self.status = Latest(AutopilotStatus())
+        self.clock: Latest[ClockSync | None] = Latest(None)
         self.monitor = streams.StreamMonitor()
         self.malformed: dict[str, int] = {}
         self._events: deque[str] = deque(maxlen=_EVENTS_KEPT)
         self._last_arrival_s = -inf
         self._flowing = False
-        self._newest_stamp_us = dict.fromkeys(SAMPLES, 0)
+        self._order = SampleOrder()
+        self._time_sync = TimeSync()
         self._mode_acks = ModeAcks()
         self._commands = CommandAcks()
         self._param_reads = ParamReads()
@@ -83,6 +83,7 @@ class Px4Session:
             "HEARTBEAT": self._on_heartbeat,
             "CURRENT_MODE": self._on_current_mode,
             "EVENT": self._on_event,
+            "TIMESYNC": self._on_timesync,
             "COMMAND_ACK": self._on_command_ack,
             "EXTENDED_SYS_STATE": self._on_extended_sys_state,
             "SYS_STATUS": self._on_sys_status,
@@ -120,7 +121,7 @@ class Px4Session:
     def receive_sample(self, name: str, fields: Fields, now_s: float) -> bool:
         """The hot path of ODOMETRY and HIGHRES_IMU: only writes the cell, so another thread may call it.
 
-        False: not taken, because the autopilot's clock stepped back; give this message to ``receive`` in the
+        False: not taken, because the autopilot has rebooted; give this message to ``receive`` in the
         session's own thread.
         """
         try:
@@ -128,13 +129,9 @@ class Px4Session:
         except (KeyError, TypeError, ValueError, IndexError):
             self._count_malformed(name)
             return True
-        behind_s = (self._newest_stamp_us[name] - sample.stamp_us) * 1e-6
-        if behind_s > 0.0:
-            if behind_s > self.params.reboot_step_s:
-                return False
-            if behind_s <= self.params.overtaken_s:
-                return True
-        self._newest_stamp_us[name] = sample.stamp_us
+        order = self._order.judge(name, sample.stamp_us, now_s)
+        if order is not Order.NEWER:
+            return order is Order.OVERTAKEN
         self._last_arrival_s = now_s
         self.monitor.count(name)
         if isinstance(sample, Odometry):
@@ -151,9 +148,12 @@ class Px4Session:
         elif self._flowing and silent:
             self._flowing = False
             self._update(connected=False)
+            self._forget_clock()
             self._forget_waiting("the link to the autopilot was lost")
         if not self._flowing:
             return
+        self._outgoing += self._time_sync.poll(now_s)
+        self._publish_clock()
         self._outgoing += self._commands.poll(now_s, self._why_not_armed(now_s))
         self._outgoing += self.monitor.check(now_s)
         self._outgoing += self._param_reads.poll(now_s)
@@ -225,11 +225,24 @@ class Px4Session:
         self._param_reads.fail()
 
     def _on_reboot(self, now_s: float) -> None:
-        self._newest_stamp_us = dict.fromkeys(SAMPLES, 0)
+        self._order.restart()
+        self._forget_clock()
         self._reasons = events.Reasons()
         self._forget_waiting("the autopilot has rebooted")
         self.status.set(AutopilotStatus(boot_count=self.status.value.boot_count + 1))
         self._ask_for_streams(now_s)
+
+    def _forget_clock(self) -> None:
+        self._time_sync.restart()
+        self._publish_clock()
+
+    def _publish_clock(self) -> None:
+        if self.clock.value is not self._time_sync.sync:
+            self.clock.set(self._time_sync.sync)
+
+    def _on_timesync(self, fields: Fields, now_s: float) -> None:
+        self._outgoing += self._time_sync.receive(fields, now_s)
+        self._publish_clock()
 
     def _on_heartbeat(self, fields: Fields, now_s: float) -> None:
         if int(fields["autopilot"]) != MAV_AUTOPILOT_PX4:

@@ -13,13 +13,14 @@ _WAIT_MARGIN_S = 1.0  # the session itself times out; this is for a transport th
 
 
 class SessionLink:
-    """``odometry``, ``imu``, ``status``, ``command`` and ``read_parameter`` of the port, on a ``Px4Session``."""
+    """The cells, ``command`` and ``read_parameter`` of the port, on a ``Px4Session``."""
 
     def __init__(self, session: Px4Session, flush: Callable[[], None]) -> None:
         self.session = session
         self.odometry = session.odometry
         self.imu = session.imu
         self.status = session.status
+        self.clock = session.clock
         self._flush = flush
 
     async def command(self, command: Command, timeout_s: float) -> None:

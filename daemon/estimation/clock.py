@@ -4,10 +4,16 @@ The sample that was quickest on its way defines the offset; all others are late 
 The envelope falls to a quicker sample at once and rises by the estimated drift and a little more, so that it follows a
 clock that runs slow (a simulated autopilot: 1-2 %). A lag that appears from one sample to the next and then stays is a
 step of the clock (a simulation that stood still, a reboot); a lag that comes gradually or drains is the link.
+
+The envelope does not see what even the quickest sample took. TIMESYNC does, and is followed where it is there and fits
+to the stamps; the change between the two is spread over time, for a jump of the clock would be one of the vehicle.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
+
+from daemon.frames import clamp
+from daemon.messages import ClockSync
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,6 +29,9 @@ class ClockParameters:
     ``step_s``: a lag that comes at once and is larger may be a step; it is one after ``step_samples`` samples within
     ``agreement_s`` of the first (a burst drains faster: 8 ms a sample). Stamps that go back, or are early by more than
     ``ahead_s``, wait for that too.
+    ``sync_uncertainty_max_s``, ``sync_age_max_s``: a less certain or older TIMESYNC is not followed; neither is one
+    that puts a sample more than ``sync_margin_s`` beyond its arrival, or the quickest sample's way beyond ``ahead_s``.
+    ``slew``: rate of the change from one clock to the other, in seconds a second.
     """
 
     telemetry_latency_s: float = 0.008
@@ -34,6 +43,10 @@ class ClockParameters:
     step_samples: int = 3
     agreement_s: float = 0.01
     ahead_s: float = 0.3
+    sync_uncertainty_max_s: float = 0.02
+    sync_age_max_s: float = 1.0
+    sync_margin_s: float = 0.005
+    slew: float = 0.02
 
 
 class Verdict(Enum):
@@ -53,7 +66,8 @@ class ClockState:
 
     ``window_*``: where the running window began, its lowest offset, that of the window before it; ``slopes`` counts
     what the drift has been averaged over. ``lag_s``: of the newest sample. ``candidate_s``: the offset that began a
-    run of ``candidate_count`` samples off the envelope.
+    run of ``candidate_count`` samples off the envelope. ``correction_s``: what the clock that is used has more than the
+    envelope less the latency.
     """
 
     stamp_us: int
@@ -66,6 +80,7 @@ class ClockState:
     lag_s: float
     candidate_s: float
     candidate_count: int
+    correction_s: float = 0.0
 
 
 def started(stamp_us: int, offset_s: float, drift: float, slopes: int) -> ClockState:
@@ -74,12 +89,33 @@ def started(stamp_us: int, offset_s: float, drift: float, slopes: int) -> ClockS
 
 
 def observe(
-    state: ClockState | None, stamp_us: int, arrival_s: float, *, parameters: ClockParameters
+    state: ClockState | None,
+    stamp_us: int,
+    arrival_s: float,
+    *,
+    parameters: ClockParameters,
+    sync: ClockSync | None = None,
 ) -> tuple[ClockState, Verdict]:
     """The clock after a message stamped ``stamp_us`` came at ``arrival_s``, and what to think of the stamp.
 
     STEPPED and SET_BACK: the stamp is good by a clock that has just been set anew, by a reboot perhaps.
+    ``sync``: the newest of TIMESYNC.
     """
+    after, verdict = _enveloped(state, stamp_us, arrival_s, parameters)
+    if state is None:
+        correction = _start(after, sync, parameters)
+    elif verdict is Verdict.GOOD:
+        correction = _moved(state, after, sync, parameters)
+    else:  # a clock that was set anew keeps it: what TIMESYNC said may still be of the clock before
+        correction = state.correction_s
+    correction = min(correction, after.lag_s + parameters.telemetry_latency_s)  # nothing is true after it arrived
+    return (after if correction == after.correction_s else replace(after, correction_s=correction)), verdict
+
+
+def _enveloped(
+    state: ClockState | None, stamp_us: int, arrival_s: float, parameters: ClockParameters
+) -> tuple[ClockState, Verdict]:
+    """The envelope alone. Once it is known, a sample far below it is a step too: forwards, or a delay that ended."""
     observed = arrival_s - stamp_us * 1e-6
     if state is None:
         return started(stamp_us, observed, 0.0, 0), Verdict.GOOD
@@ -95,6 +131,8 @@ def observe(
         state, verdict = _candidate(state, stamp_us, observed, lag, parameters)
         if verdict is not Verdict.GOOD or not orderly:
             return state, verdict
+    if lag < -parameters.step_s and state.slopes:
+        return started(stamp_us, observed, state.drift, state.slopes), Verdict.STEPPED
     return _followed(state, stamp_us, observed, min(offset, observed), parameters), Verdict.GOOD
 
 
@@ -147,6 +185,34 @@ def _followed(
     )
 
 
+def _start(state: ClockState, sync: ClockSync | None, parameters: ClockParameters) -> float:
+    """The correction of a first sample."""
+    if sync is None or not _fits(state, sync, parameters):
+        return 0.0
+    return sync.offset_at(state.stamp_us) - state.offset_s + parameters.telemetry_latency_s
+
+
+def _moved(before: ClockState, after: ClockState, sync: ClockSync | None, parameters: ClockParameters) -> float:
+    """The correction a sample later: towards TIMESYNC, whatever the envelope does, or back to the envelope."""
+    dt = (after.stamp_us - before.stamp_us) * 1e-6
+    step = parameters.slew * min(dt, 0.5)
+    if sync is None or not _fits(after, sync, parameters):
+        return before.correction_s - clamp(before.correction_s, -step, step)
+    carried = before.offset_s + before.correction_s + sync.drift * dt - after.offset_s
+    wanted = sync.offset_at(after.stamp_us) - after.offset_s + parameters.telemetry_latency_s
+    return carried + clamp(wanted - carried, -step, step)
+
+
+def _fits(state: ClockState, sync: ClockSync, parameters: ClockParameters) -> bool:
+    """True for what TIMESYNC can say of the newest sample."""
+    way = state.offset_s - sync.offset_at(state.stamp_us)
+    return (
+        sync.uncertainty_s <= parameters.sync_uncertainty_max_s
+        and abs(state.stamp_us - sync.stamp_us) * 1e-6 <= parameters.sync_age_max_s
+        and -parameters.sync_margin_s - state.lag_s <= way <= parameters.ahead_s
+    )
+
+
 def loop_time_s(state: ClockState, stamp_us: int, *, parameters: ClockParameters) -> float:
     """The loop-clock time at which what ``stamp_us`` stamps was true, seconds."""
-    return stamp_us * 1e-6 + state.offset_s - parameters.telemetry_latency_s
+    return stamp_us * 1e-6 + state.offset_s - parameters.telemetry_latency_s + state.correction_s

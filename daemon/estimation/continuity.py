@@ -44,15 +44,14 @@ def compared(
 ) -> Outcome:
     """Judge ``after``, which came next to ``before``.
 
-    ``clock_set``: the stamps of the two are of different clocks, arrivals tell the time between them. ``set_back``:
-    to an earlier time; unless the sample continues the one before, the autopilot has rebooted, and its new frame is
-    the truth. ``reset.time_s`` is the arrival, loop clock.
+    ``clock_set``: the stamps of the two may be of different clocks, or the first came late. ``set_back``: to an
+    earlier time; unless the sample continues the one before, the autopilot has rebooted, and its new frame is the
+    truth. ``reset.time_s`` is the arrival, loop clock.
     """
-    dt = after.arrival_s - before.arrival_s if clock_set else (after.stamp_us - before.stamp_us) * 1e-6
-    dt = max(dt, _SHORTEST_S)
     steps = (after.reset_counter - before.reset_counter) % 256
+    dt = _between(before, after, acceleration_ned_m_s2, resets) if clock_set else _by_stamps(before, after)
     gap = dt > resets.gap_s
-    found = reset_tracker.innovation(before, after, ZERO3 if gap else acceleration_ned_m_s2, min(dt, resets.gap_s))
+    found = _innovation(before, after, acceleration_ned_m_s2, dt, resets)
     rebooted = set_back and (gap or steps > 0 or slide.jumps(found, parameters=slides))
     if rebooted or (gap and steps):
         variance = before.position_variance_m2
@@ -69,6 +68,34 @@ def compared(
         excess = Innovation(found.dt_s, following.excess_ned_m, ZERO3, 0.0)
         return _fast_slide(following, excess, before, after, False, resets, slides)
     return Outcome(following, found)
+
+
+def _by_stamps(before: Sample, after: Sample) -> float:
+    return max(_SHORTEST_S, (after.stamp_us - before.stamp_us) * 1e-6)
+
+
+def _innovation(
+    before: Sample, after: Sample, acceleration_ned_m_s2: Vec3, dt: float, resets: ResetParameters
+) -> Innovation:
+    """After a gap nothing is known of what was commanded in it."""
+    if dt > resets.gap_s:
+        return reset_tracker.innovation(before, after, ZERO3, resets.gap_s)
+    return reset_tracker.innovation(before, after, acceleration_ned_m_s2, dt)
+
+
+def _between(before: Sample, after: Sample, acceleration_ned_m_s2: Vec3, resets: ResetParameters) -> float:
+    """Time between two samples about a step of the clock: by arrivals, unless the motion fits the stamps better."""
+    arrivals = max(_SHORTEST_S, after.arrival_s - before.arrival_s)
+    stamps = (after.stamp_us - before.stamp_us) * 1e-6
+    if not 0.0 < stamps <= resets.gap_s:
+        return arrivals
+
+    def misfit(dt: float) -> float:
+        found = _innovation(before, after, acceleration_ned_m_s2, dt, resets)
+        position, velocity = norm(found.position_ned_m), norm(found.velocity_ned_m_s)
+        return position / resets.position_noise_m + velocity / resets.velocity_noise_m_s
+
+    return min(arrivals, stamps, key=misfit)
 
 
 def _announced(

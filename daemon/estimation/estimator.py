@@ -11,7 +11,7 @@ from daemon.estimation.gate import Refusal
 from daemon.estimation.intake import Event, IntakeParameters, IntakeState, take
 from daemon.estimation.quality import Quality
 from daemon.frames import clip_norm, is_finite
-from daemon.messages import ZERO3, EstimatedState, ExternalPose, FrameShift, Imu, Odometry, Reset, Vec3
+from daemon.messages import ZERO3, ClockSync, EstimatedState, ExternalPose, FrameShift, Imu, Odometry, Reset, Vec3
 
 _NOT_FUSED = Fused(None)
 
@@ -75,15 +75,17 @@ def step(
     *,
     parameters: EstimatorParameters,
     pose: ExternalPose | None = None,
+    sync: ClockSync | None = None,
 ) -> tuple[EstimatorState, Estimate]:
     """One tick: take the newest messages when they are new, say what is known.
 
     ``acceleration_ned_m_s2``: what the control law has commanded, for the prediction from sample to sample; zero when
-    it is not finite. ``pose``: the newest from outside, for the filter. Raises nothing.
+    it is not finite. ``pose``: the newest from outside, for the filter. ``sync``: what TIMESYNC says of the clock.
+    Raises nothing.
     """
     acceleration = acceleration_ned_m_s2 if is_finite(acceleration_ned_m_s2) else ZERO3
     acceleration = clip_norm(acceleration, parameters.reset.acceleration_max_m_s2)
-    intake, taken = take(state.intake, odometry, acceleration, now_s, parameters=parameters)
+    intake, taken = take(state.intake, odometry, acceleration, now_s, parameters=parameters, sync=sync)
     attitude = intake.newest.attitude_wb if intake.newest else None
     checked = cross_check.step(state.cross_check, imu, attitude, parameters=parameters.cross_check)
     newest, memory, events, fused = intake.newest, None, taken.events, _NOT_FUSED

@@ -10,7 +10,7 @@ from daemon.estimation.quality import Quality, QualityParameters
 from daemon.estimation.reset_tracker import ResetParameters, accumulated
 from daemon.estimation.slide import SETTLED, SlideParameters, SlideState
 from daemon.frames import subtract
-from daemon.messages import EstimatedState, FrameShift, Odometry, Reset, Vec3
+from daemon.messages import ClockSync, EstimatedState, FrameShift, Odometry, Reset, Vec3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,6 +79,7 @@ def take(
     now_s: float,
     *,
     parameters: IntakeParameters,
+    sync: ClockSync | None = None,
 ) -> tuple[IntakeState, Taken]:
     """Take a message when it is another one than the last. ``acceleration_ned_m_s2`` is commanded, and finite."""
     if odometry is None or odometry is state.seen:
@@ -88,7 +89,9 @@ def take(
         return _refused(state, odometry, sample, state.clock, state.slide, now_s, parameters)
     if state.seen is not None and gate.frozen(state.seen, odometry):
         return _refused(state, odometry, Refusal.FROZEN, state.clock, state.slide, now_s, parameters)
-    ticking, verdict = clock.observe(state.clock, sample.stamp_us, sample.arrival_s, parameters=parameters.clock)
+    ticking, verdict = clock.observe(
+        state.clock, sample.stamp_us, sample.arrival_s, parameters=parameters.clock, sync=sync
+    )
     if verdict in _STAMP_REFUSALS:
         return _refused(state, odometry, _STAMP_REFUSALS[verdict], ticking, state.slide, now_s, parameters)
     outcome = _FIRST

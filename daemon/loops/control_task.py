@@ -74,4 +74,5 @@ class ControlTask:
             latched=self._gate.latched,
             parameters=self._parameters.value,
             pose=self.pose.value,
+            clock=self._autopilot.clock.value,
         )

@@ -28,6 +28,7 @@ class PulsedAutopilot:
         self.odometry = autopilot.odometry
         self.imu = autopilot.imu
         self.status = autopilot.status
+        self.clock = autopilot.clock
         self.sent: list[Sent] = []
         self._autopilot = autopilot
         self._parameters = parameters

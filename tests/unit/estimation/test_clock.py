@@ -1,5 +1,6 @@
 """The clock against autopilots whose clock we know: its offset is the oracle."""
 
+from itertools import pairwise, repeat
 from random import Random
 
 import pytest
@@ -8,15 +9,16 @@ from hypothesis import strategies as st
 
 from daemon.estimation import clock
 from daemon.estimation.clock import ClockParameters, Verdict
+from daemon.messages import ClockSync
 
 PARAMETERS = ClockParameters()
 LATENCY_S = PARAMETERS.telemetry_latency_s
 
 
-def run(stamped, state=None):
-    """Feed (stamp_us, arrival_s); yield (verdict, loop time of the stamp, state)."""
-    for stamp_us, arrival_s in stamped:
-        state, verdict = clock.observe(state, stamp_us, arrival_s, parameters=PARAMETERS)
+def run(stamped, state=None, syncs=None):
+    """Feed (stamp_us, arrival_s), and what TIMESYNC says; yield (verdict, loop time of the stamp, state)."""
+    for (stamp_us, arrival_s), sync in zip(stamped, syncs or repeat(None)):  # noqa: B905  # the one is endless
+        state, verdict = clock.observe(state, stamp_us, arrival_s, parameters=PARAMETERS, sync=sync)
         yield verdict, clock.loop_time_s(state, stamp_us, parameters=PARAMETERS), state
 
 
@@ -154,3 +156,65 @@ def test_no_stamp_puts_a_sample_into_the_future(stamped):
     for (_, arrival), (verdict, found, _) in zip(stamped, run(stamped), strict=True):
         if verdict in (Verdict.GOOD, Verdict.STEPPED, Verdict.SET_BACK):
             assert found <= arrival - LATENCY_S + 0.01
+
+
+WAY_S = 0.025  # what even the quickest sample takes here: more than the envelope believes
+
+
+def synced(samples, *, since=0, until=10**9, off_s=0.0, rate=1.0, offset_s=50.0):
+    """What TIMESYNC says of ``flight``, off by some error, as of up to 0.1 s before; None outside of the indices."""
+    drift = 1.0 / rate - 1.0
+    asked = [stamp_us // 100_000 * 100_000 for stamp_us, _, _ in samples]
+    said = [ClockSync(us, offset_s + us * 1e-6 * drift + off_s, drift, 0.001) for us in asked]
+    return [sync if since <= i < until else None for i, sync in enumerate(said)]
+
+
+def slow_way(count, **how):
+    return [(stamp, arrival + WAY_S - LATENCY_S, true) for stamp, arrival, true in flight(count, **how)]
+
+
+@pytest.mark.parametrize("rate", [1.0, 0.985])
+def test_timesync_sees_what_the_quickest_sample_took(rate):
+    samples = slow_way(600, rate=rate)
+    found = [f for _, f, _ in run([s[:2] for s in samples], syncs=synced(samples, rate=rate))]
+    assert max(abs(f - true) for f, (_, _, true) in zip(found[300:], samples[300:], strict=True)) < 1e-3
+    alone = [f for _, f, _ in run([s[:2] for s in samples])]
+    assert alone[-1] - samples[-1][2] == pytest.approx(WAY_S - LATENCY_S, abs=0.003)
+
+
+@pytest.mark.parametrize(("since", "until"), [(400, 10**9), (0, 400)], ids=["comes", "goes"])
+def test_the_clock_does_not_jump_when_timesync_comes_or_goes(since, until):
+    samples = slow_way(1200)
+    found = [f for _, f, _ in run([s[:2] for s in samples], syncs=synced(samples, since=since, until=until))]
+    errors = [f - true for f, (_, _, true) in zip(found, samples, strict=True)]
+    steps = [abs(b - a) for a, b in pairwise(errors[300:])]
+    assert max(steps) < 0.002  # the envelope alone has steps of 1 ms
+    synced_s, alone_s = (errors[-1], errors[395]) if since else (errors[395], errors[-1])
+    assert synced_s == pytest.approx(0.0, abs=0.001)
+    assert alone_s == pytest.approx(WAY_S - LATENCY_S, abs=0.003)
+
+
+def test_a_timesync_that_puts_samples_into_the_future_is_not_believed():
+    samples = slow_way(600)
+    found = [f for _, f, _ in run([s[:2] for s in samples], syncs=synced(samples, off_s=0.06))]
+    assert found[-1] - samples[-1][2] == pytest.approx(WAY_S - LATENCY_S, abs=0.003)
+
+
+def test_an_uncertain_or_old_timesync_is_not_believed():
+    samples = slow_way(600)
+    for sync in (ClockSync(samples[300][0], 50.0, 0.0, 0.021), ClockSync(0, 50.0, 0.0, 0.001)):
+        found = [f for _, f, _ in run([s[:2] for s in samples], syncs=repeat(sync))]
+        assert found[-1] - samples[-1][2] == pytest.approx(WAY_S - LATENCY_S, abs=0.003)
+
+
+@pytest.mark.parametrize("step_s", [0.2, -0.2, 0.05, -0.05, 3.0, -3.0])
+def test_a_step_with_timesync_still_of_the_clock_before_costs_no_age(step_s):
+    """The next exchange, up to 0.1 s later, tells of the step; until then TIMESYNC is wrong by it."""
+    samples = slow_way(900, first_us=10_000_000)
+    syncs = synced(samples, until=500)
+    stepped = [(s + (round(step_s * 1e6) if i >= 500 else 0), a) for i, (s, a, _) in enumerate(samples)]
+    syncs[500:510] = [syncs[499]] * 10
+    results = list(run(stepped, syncs=syncs))
+    assert sum(verdict in (Verdict.STEPPED, Verdict.SET_BACK) for verdict, _, _ in results[500:]) == 1
+    for i in range(504, 520):
+        assert results[i][1] == pytest.approx(samples[i][2], abs=0.01)

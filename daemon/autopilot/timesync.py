@@ -1,0 +1,114 @@
+"""Our side of TIMESYNC, without I/O: asks the autopilot for its time and keeps the quickest answers.
+
+A request carries our time, the answer the autopilot's beside it (MAVLink time synchronization protocol). The
+autopilot read its clock between our sending and the arrival, which bounds the offset; of the quickest exchanges the
+middle is near the truth. A line through them follows a clock that runs slow (a simulated autopilot: 1-2 %).
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from math import inf, sqrt
+
+from daemon.autopilot.px4 import Fields, Message
+from daemon.messages import ClockSync
+
+REQUEST_S = 0.1  # between requests, as often as PX4 asks
+WINDOW_S = 3.0
+LEAST = 4  # exchanges that make a first estimate
+STALE_S = 1.0  # without an answer for so long nothing is known
+_STEP_MARGIN_S = 0.01  # of a bound that is broken when a clock stepped; a simulator's clock has steps of 4 ms
+_SLOPE_SIGMAS = 4.0  # a drift that stands out of its own error by less is taken as none
+
+
+@dataclass(frozen=True, slots=True)
+class Exchange:
+    """``remote_us``: the autopilot's clock; ``offset_s``: ours minus it in the middle; ``round_trip_s``."""
+
+    remote_us: int
+    offset_s: float
+    round_trip_s: float
+    arrival_s: float
+
+
+class TimeSync:
+    """``receive`` takes TIMESYNC, ``poll`` gives requests; ``sync`` is what is known, None: nothing."""
+
+    def __init__(self) -> None:
+        self.sync: ClockSync | None = None
+        self._asked: deque[int] = deque(maxlen=16)
+        self._asked_s = -inf
+        self._window: deque[Exchange] = deque()
+
+    def restart(self) -> None:
+        """Forget all: another clock, or the same after a long silence."""
+        self.sync = None
+        self._window.clear()
+
+    def poll(self, now_s: float) -> list[Message]:
+        """The request that is due, if one is. What was known is dropped when answers have stopped."""
+        if self._window and now_s - self._window[-1].arrival_s > STALE_S:
+            self.restart()
+        if now_s - self._asked_s < REQUEST_S:
+            return []
+        self._asked_s = now_s
+        self._asked.append(_nanoseconds(now_s))
+        return [("TIMESYNC", {"tc1": 0, "ts1": self._asked[-1]})]
+
+    def receive(self, fields: Fields, arrival_s: float) -> list[Message]:
+        """An answer to us is taken; a request is answered. Raises KeyError, TypeError, ValueError when malformed."""
+        remote_ns, ours_ns = int(fields["tc1"]), int(fields["ts1"])
+        if remote_ns == 0:
+            return [("TIMESYNC", {"tc1": _nanoseconds(arrival_s), "ts1": ours_ns})]
+        if ours_ns in self._asked:  # not an answer to another, nor a second one
+            self._asked.remove(ours_ns)
+            sent_s = ours_ns * 1e-9
+            offset = 0.5 * (sent_s + arrival_s) - remote_ns * 1e-9
+            self._take(Exchange(remote_ns // 1000, offset, arrival_s - sent_s, arrival_s))
+        return []
+
+    def _take(self, exchange: Exchange) -> None:
+        window = self._window
+        if self._contradicts(exchange):
+            self.restart()
+        window.append(exchange)
+        while exchange.arrival_s - window[0].arrival_s > WINDOW_S:
+            window.popleft()
+        if len(window) >= LEAST:
+            self.sync = fitted(list(window))
+
+    def _contradicts(self, exchange: Exchange) -> bool:
+        """True when no delay on the way explains the answer: one of the clocks stepped, or stood still."""
+        if not self._window:
+            return False
+        last = self._window[-1]
+        expected, uncertain = last.offset_s, 0.5 * last.round_trip_s
+        if self.sync is not None:
+            expected, uncertain = self.sync.offset_at(exchange.remote_us), self.sync.uncertainty_s
+        allowed = uncertain + 0.5 * exchange.round_trip_s + _STEP_MARGIN_S
+        return exchange.remote_us < last.remote_us or abs(exchange.offset_s - expected) > allowed
+
+
+def fitted(window: list[Exchange]) -> ClockSync:
+    """A line through the quicker half of the exchanges, as of the newest; uncertain by half a round trip and noise."""
+    newest = window[-1].remote_us
+    quick = sorted(window, key=lambda e: e.round_trip_s)[: max(LEAST, len(window) // 2)]
+    points = [((e.remote_us - newest) * 1e-6, e.offset_s) for e in quick]
+    count = len(points)
+    mean_t = sum(t for t, _ in points) / count
+    mean_o = sum(o for _, o in points) / count
+    spread = sum((t - mean_t) ** 2 for t, _ in points)
+    slope = sum((t - mean_t) * (o - mean_o) for t, o in points) / spread if spread > 0.0 else 0.0
+    noise = _noise(points, mean_t, mean_o, slope)
+    if spread <= 0.0 or abs(slope) * sqrt(spread) <= _SLOPE_SIGMAS * noise:
+        slope, noise = 0.0, _noise(points, mean_t, mean_o, 0.0)
+    return ClockSync(newest, mean_o - slope * mean_t, slope, 0.5 * quick[0].round_trip_s + noise)
+
+
+def _noise(points: list[tuple[float, float]], mean_t: float, mean_o: float, slope: float) -> float:
+    """Standard deviation about the line through the means."""
+    square = sum((o - mean_o - slope * (t - mean_t)) ** 2 for t, o in points)
+    return sqrt(square / max(1, len(points) - 2))
+
+
+def _nanoseconds(time_s: float) -> int:
+    return round(time_s * 1e9)
