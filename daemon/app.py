@@ -19,6 +19,7 @@ from daemon.goals.server import GoalServer
 from daemon.goals.sockets import Listener, Operators, SocketInUseError, activated, listen, server_path
 from daemon.journal import Journal
 from daemon.loops.grid import live_alarm
+from daemon.loops.phase_lock import PhaseLock
 from daemon.loops.vehicle import Vehicle
 from daemon.notify import notify
 from daemon.parameters import dead_man_timing
@@ -94,6 +95,7 @@ async def _main(config: Config, socket: Path | None, watch: Callable[[Vehicle], 
     apply_realtime(config.loops)
     link = MavsdkLink(config.link.connection, link_timeout_s=config.link.lost_s)
     vehicle = Vehicle(config, link, lambda: live_alarm(loop))
+    vehicle.control.listeners.append(PhaseLock(vehicle.control.grid).on_tick)
     watch(vehicle)
     dead_man = DeadMan(vehicle.gate, dead_man_timing(config), lambda event: log.error(event))
     log.info("started", connection=config.link.connection, config_hash=config.hash(), pid=os.getpid())

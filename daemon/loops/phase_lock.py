@@ -1,0 +1,52 @@
+"""Where in its period a tick should lie: just after telemetry usually comes, so that the state is young when used."""
+
+from cmath import phase, rect
+from math import log, pi, sqrt
+
+from daemon.loops.grid import MAX_SLEW, Grid
+from daemon.messages import Odometry
+from daemon.pipeline import Inputs, Record
+
+MARGIN_S = 0.0003  # after the arrival: a thread of its own puts the sample into its cell
+_SMOOTHING = 0.05  # share of a new sample
+_REGULAR = 0.75  # length of the mean phasor from which on there is a phase to lock to
+_SPREADS = 2.0  # standard deviations of the arrivals that a tick waits for
+_GAIN = 0.2 * _SMOOTHING  # of the error, a tick: well damped together with the averaging
+_DRIFT_GAIN = 0.25 * _GAIN * _GAIN  # the same of the drift between the clocks
+
+
+class PhaseLock:
+    """A listener of the control task that slews its grid by the age of each new sample at its tick.
+
+    Ages are averaged as phasors of the period, so that they may wrap. A stream that keeps no phase with the grid, for
+    it is uneven or has another rate, gives no slew.
+    """
+
+    def __init__(self, grid: Grid) -> None:
+        self._grid = grid
+        self._period_s = grid.period_s
+        self._seen: Odometry | None = None
+        self._mean = 0j
+        self._drift_s = 0.0
+
+    def on_tick(self, inputs: Inputs, record: Record) -> None:
+        """Look at the sample of this tick when it is a new one."""
+        odometry = inputs.odometry
+        if odometry is not None and odometry is not self._seen:
+            self._seen = odometry
+            self._grid.slew_s = self.slew_s(record.now_s - odometry.arrival_s)
+
+    def slew_s(self, age_s: float) -> float:
+        """By how much the next tick should come later (earlier when negative)."""
+        turns = 2.0 * pi / self._period_s
+        self._mean += _SMOOTHING * (rect(1.0, turns * age_s) - self._mean)
+        length = abs(self._mean)
+        if not length > _REGULAR:
+            self._drift_s = 0.0
+            return 0.0
+        spread_s = sqrt(-2.0 * log(min(1.0, length))) / turns
+        wanted_s = MARGIN_S + _SPREADS * spread_s
+        late_s = phase(self._mean * rect(1.0, -turns * wanted_s)) / turns
+        drift_max_s = MAX_SLEW * self._period_s
+        self._drift_s = min(drift_max_s, max(-drift_max_s, self._drift_s - _DRIFT_GAIN * late_s))
+        return self._drift_s - _GAIN * late_s

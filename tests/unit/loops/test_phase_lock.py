@@ -1,0 +1,80 @@
+"""The grid's phase against telemetry: ticks settle just after regular arrivals, and ignore irregular ones."""
+
+from collections.abc import Callable
+from random import Random
+from unittest.mock import Mock
+
+import pytest
+
+from daemon.loops.grid import MAX_SLEW, Grid
+from daemon.loops.phase_lock import MARGIN_S, PhaseLock
+
+
+class Silent:
+    """An alarm that never rings."""
+
+    def set(self, when_s: float, callback: Callable[[], None]) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+
+def ages_s(period_s: float, arrival_s: Callable[[int], float], ticks: int = 3000) -> list[float]:
+    """Ages of the new samples at the ticks of a grid that obeys the lock, as the grid bounds it."""
+    lock, now_s, sample, found = PhaseLock(Grid(period_s, Silent())), 1.0, 0, []
+    for _ in range(ticks):
+        newest = sample
+        while arrival_s(newest + 1) <= now_s:
+            newest += 1
+        slew_s = 0.0
+        if newest != sample:
+            sample = newest
+            found.append(now_s - arrival_s(sample))
+            slew_s = lock.slew_s(found[-1])
+        limit_s = MAX_SLEW * period_s
+        now_s += period_s + min(limit_s, max(-limit_s, slew_s))
+    return found
+
+
+@pytest.mark.parametrize("offset_s", [0.0, 0.0013, 0.0049, 0.0051, 0.0098])
+def test_ticks_settle_just_after_the_arrivals_of_a_regular_stream(offset_s: float) -> None:
+    late = ages_s(0.01, lambda n: offset_s + 0.01 * n)[-500:]
+    assert late == pytest.approx([MARGIN_S] * 500, abs=2e-5)
+
+
+def test_jitter_is_waited_for() -> None:
+    random = Random(1)
+    jitter = [random.gauss(0.0, 0.0004) for _ in range(4000)]
+    late = ages_s(0.01, lambda n: 0.01 * n + jitter[n])[-1000:]
+    assert len([age for age in late if age > 0.008]) <= 10  # samples that came after their tick wait for the next one
+    assert sorted(late)[500] == pytest.approx(MARGIN_S + 0.0008, abs=0.0003)
+
+
+def test_a_clock_that_drifts_by_five_in_a_thousand_is_followed() -> None:
+    late = ages_s(0.01, lambda n: 0.01005 * n)[-500:]
+    assert late == pytest.approx([MARGIN_S] * 500, abs=1e-4)
+
+
+def test_an_uneven_stream_is_left_alone() -> None:
+    lock = PhaseLock(Grid(0.01, Silent()))
+    slews = [lock.slew_s((0.003, 0.007, 0.001, 0.009, 0.005)[n % 5]) for n in range(500)]
+    assert slews[20:] == [0.0] * 480
+
+
+def test_half_the_rate_of_the_stream_locks_as_well() -> None:
+    late = ages_s(0.02, lambda n: 0.0042 + 0.01 * n)[-300:]
+    assert late == pytest.approx([MARGIN_S] * 300, abs=5e-5)
+
+
+def test_a_sample_counts_once_at_the_tick_that_saw_it_first() -> None:
+    grid = Grid(0.01, Silent())
+    lock = PhaseLock(grid)
+    inputs, record = Mock(), Mock(now_s=1.004)
+    for _ in range(100):
+        inputs.odometry = Mock(arrival_s=1.0)
+        lock.on_tick(inputs, record)
+    assert grid.slew_s < 0.0  # 4 ms old: the ticks come earlier
+    grid.slew_s = 0.0
+    lock.on_tick(inputs, record)
+    assert grid.slew_s == 0.0
