@@ -30,6 +30,10 @@ MODULE ?= daemon/safety daemon/control daemon/frames.py daemon/pipeline.py
 mutate: $(STAMP)
 	PYTHONPATH=tests $(BIN)/python -m support.mutate $(MODULE)
 
+# Flies each kind of goal in virtual time and draws the pictures of docs/guidance.md.
+docs-figures: $(STAMP)
+	PYTHONPATH=tests $(BIN)/python docs/figures/guidance.py
+
 # On purpose only: the flow is meant to answer differently from now on.
 replay-update: $(STAMP)
 	PYTHONPATH=tests $(BIN)/python tests/replay/references.py
