@@ -104,10 +104,10 @@ async def _flown(
     flight: Flight, seconds: float, folder: Path, stack: contextlib.AsyncExitStack
 ) -> tuple[Figures, Figures]:
     """What the flight's process said at its end, and the autopilot's log."""
-    port, path = _free_port(), folder / "flightd.sock"
+    port, path = free_port(), folder / "flightd.sock"
     notes = folder / "autopilot.json"
     if flight.loaded:
-        await stack.enter_async_context(_process([sys.executable, "-c", _LOAD]))
+        await stack.enter_async_context(process([sys.executable, "-c", _LOAD]))
     if flight.client:
         arguments = ["-m", f"daemon.bench.contestants.{flight.client}", str(port), str(seconds)]
     else:
@@ -115,13 +115,13 @@ async def _flown(
         arguments = ["-m", "daemon.bench.loop_daemon", str(port), str(seconds), str(path), str(flight.rate_hz), record]
     metronome = ["-m", "daemon.sim.metronome", str(port), "100", str(int(flight.uneven))]
     async with (
-        _process([sys.executable, *metronome], notes),
-        _process([flight.python, *arguments], folder / "said") as process,
+        process([sys.executable, *metronome], notes),
+        process([flight.python, *arguments], folder / "said") as running,
     ):
         if flight.recorded:
             subscribers = asyncio.create_task(_subscribe(path))
             stack.callback(subscribers.cancel)
-        await asyncio.wait_for(process.wait(), seconds + _PATIENCE_S)
+        await asyncio.wait_for(running.wait(), seconds + _PATIENCE_S)
     lines = [line for line in (folder / "said").read_text().splitlines() if line.startswith("{")]
     if not lines:
         raise ValueError(f"nothing said: {(folder / 'said.err').read_text()[-200:]}")
@@ -189,7 +189,7 @@ async def _subscribe(path: Path) -> None:
 
 
 @contextlib.asynccontextmanager
-async def _process(command: list[str], out: Path | None = None) -> AsyncIterator[asyncio.subprocess.Process]:
+async def process(command: list[str], out: Path | None = None) -> AsyncIterator[asyncio.subprocess.Process]:
     """A process that is told to end at the end; what it says goes to a file, its complaints beside it."""
     environment = {**os.environ, "MAVLINK20": "1", "PYTHONPATH": str(_ROOT)}
     with contextlib.ExitStack() as stack:
@@ -204,7 +204,8 @@ async def _process(command: list[str], out: Path | None = None) -> AsyncIterator
                 await process.wait()
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """A UDP port of loopback that nobody has right now."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

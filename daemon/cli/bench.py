@@ -122,3 +122,44 @@ def _told(runs: "Iterator[Run]") -> "Iterator[Run]":
 def _tell(run: "Run") -> None:
     lost = f", lost: {run.lost}" if run.lost else ""
     typer.echo(f"{run.manoeuvre}, {run.condition}, {run.contestant}: rms {run.rms_m:.3f} m{lost}", err=True)
+
+
+@bench_app.command()
+def plan(
+    rounds: Annotated[int, typer.Option(help="How often each goal is planned.", min=1, max=10000)] = 200,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Time planning: a goal with its first reference window, and each window after it.
+
+    Example: flightd bench plan --rounds 500
+    """
+    from daemon.bench import plan as benchmark
+
+    figures = benchmark.measure(rounds)
+    if as_json:
+        typer.echo(json.dumps(figures))
+        return
+    typer.echo(f"{'ms':38} {'plan p50':>9} {'p99':>7} {'window p50':>11} {'p99':>7}")
+    for name, f in figures.items():
+        row = f"{f['plan_p50_ms']:9.2f} {f['plan_p99_ms']:7.2f} {f['window_p50_ms']:11.2f} {f['window_p99_ms']:7.2f}"
+        typer.echo(f"{name:38} {row}")
+
+
+@bench_app.command()
+def goals(
+    count: Annotated[int, typer.Option(help="How many goals.", min=1, max=100000)] = 1000,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Submit goals as fast as they are answered: from the request to the first setpoint that flies it.
+
+    Example: flightd bench goals --count 10000
+    """
+    from daemon.bench import goals as benchmark
+
+    figures = asyncio.run(benchmark.measure(count))
+    if as_json:
+        typer.echo(json.dumps(figures))
+        return
+    typer.echo(f"{figures['goals']} goals, {figures['goals_per_s']:.0f} a second, results {figures['outcomes']}")
+    delay = f"p50 {figures['delay_p50_ms']:.1f}  p99 {figures['delay_p99_ms']:.1f} ms"
+    typer.echo(f"from submit to the first setpoint that flies it: {delay} ({figures['flown']} goals lived that long)")
