@@ -9,7 +9,7 @@ from support.flight import Flight, fly
 from daemon.frames import angle_between
 from daemon.messages import FlightMode, Quat, Vec3
 from daemon.safety.supervisor import State
-from daemon.sim.faults import EkfReset, Fault, GpsLoss
+from daemon.sim.faults import ClockStep, EkfReset, Fault, GpsLoss
 
 BEFORE_S, AFTER_S = 3.0, 4.0
 POSITION = {
@@ -65,6 +65,11 @@ def test_a_reset_of_the_position_moves_only_the_numbers(reset: EkfReset, leg: bo
 )
 def test_a_reset_of_velocity_or_heading_in_hover_is_hardly_felt(reset: EkfReset) -> None:
     assert max(metres for t, metres, _ in departures(reset, leg=False) if t <= 2.0) < 0.3
+
+
+@pytest.mark.parametrize("step_s", [-20.0, -2.0, -0.2, 0.2, 2.0])
+def test_a_step_of_the_autopilots_clock_is_not_felt(step_s: float) -> None:
+    assert max(metres for _, metres, _ in departures(ClockStep(step_s=step_s), leg=True)) < 0.05
 
 
 def test_a_lost_gps_hands_the_vehicle_over_before_the_position_is_worthless() -> None:
