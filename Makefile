@@ -19,7 +19,7 @@ check: $(STAMP)
 	$(BIN)/lint-imports
 
 bench: $(STAMP)
-	$(BIN)/flightd bench loop
+	$(BIN)/flightd bench loop --against docs/measurements-loop.json
 
 # Flies every fault and writes the measured responses, and the supervisor's diagram, into the document.
 fault-matrix: $(STAMP)
