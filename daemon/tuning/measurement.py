@@ -203,7 +203,7 @@ def _thrust(windows: list[Window]) -> Thrust:
     return Thrust(
         total_s=_jackknifed(fit, others, lambda f: f.dead_time_s + f.lag_s),
         lag_s=_jackknifed(fit, others, lambda f: f.lag_s),
-        hover_thrust=_typical(windows, lambda window: _hover_thrust(window, fit)),
+        hover_thrust=_typical(windows, lambda window: hover_thrust(window, fit)),
         full_thrust_m_s2=_jackknifed(fit, others, lambda f: f.full_thrust_m_s2),
         drag_1_s=_jackknifed(fit, others, lambda f: f.drag_1_s),
         unexplained=fit.unexplained,
@@ -228,7 +228,7 @@ def _fit_of_mean(windows: Sequence[Window]) -> ThrustFit:
     return fit_thrust(mean.time_s, mean.command, mean.response)
 
 
-def _hover_thrust(window: Window, fit: ThrustFit) -> float:
+def hover_thrust(window: Window, fit: ThrustFit) -> float:
     """The thrust about which the vertical speed does not change: dv/dt = -k (u - hover) - d v, over the window."""
     duration_s = float(window.time_s[-1] - window.time_s[0])
     gained = float(np.mean(window.response[-_EDGE:]) - np.mean(window.response[:_EDGE]))

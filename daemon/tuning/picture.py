@@ -68,8 +68,8 @@ def _draw_thrust(panel: Any, thrust: Thrust) -> None:
     panel.plot(time_s, -_rested(thrust.mean, fitted), color=INK, lw=1.2, label="mean of the measured")
     panel.plot(time_s, -fitted, **_FITTED)
     title = (
-        f"thrust: hovers at {thrust.hover_thrust.value:.3f}, dead time and lag {1e3 * thrust.total_s.value:.0f} ms, "
-        f"{thrust.full_thrust_m_s2.value:.1f} m/s² in all"
+        f"thrust: hovers at {thrust.hover_thrust.value:.3f}, "
+        f"dead time and lag {1e3 * thrust.total_s.value:.0f} ± {1e3 * thrust.total_s.error:.0f} ms"
     )
     panel.set(title=title, xlabel=_ACROSS, ylabel="climb, m/s")
     panel.legend(loc="upper right")

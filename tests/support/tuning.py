@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.signal import TransferFunction, lsim
@@ -26,12 +27,13 @@ BEGUN_S = 1000.0
 
 @dataclass(frozen=True)
 class MadeUp:
-    """Seconds; ``slope`` 1: thrust linear in the command."""
+    """Seconds; ``slope`` 1: thrust linear in the command; ``trim``: thrust beyond hover, so that it climbs."""
 
     dead_s: tuple[float, float, float] = (0.03, 0.03, 0.12)
     lag_s: tuple[float, float, float] = (0.055, 0.06, 0.3)
     gain: tuple[float, float, float] = (1.0, 1.0, 0.9)
     hover: float = 0.55
+    trim: float = 0.0
     slope: float = 1.0
     thrust_lag_s: float = 0.05
     drag_1_s: float = 0.5
@@ -47,13 +49,14 @@ def _answer(
     return lsim(TransferFunction(*system), delayed, time, interp=False)[1]
 
 
+@cache
 def made_up(airframe: MadeUp) -> Recording:
     """What the pulses would record; the answers are scipy's continuous simulation of the setpoints."""
     pulses, draw = programme(ControlParameters(hover_thrust=airframe.hover)), np.random.default_rng(2)
     fine = np.arange(0.0, pulses[-1].end_s, 0.001)
     setpoints = []
     for t in np.floor(fine[::10] * 100 + 0.5) / 100:
-        setpoint = Setpoint((0.0, 0.0, 0.0), airframe.hover)
+        setpoint = Setpoint((0.0, 0.0, 0.0), airframe.hover + airframe.trim)
         for pulse in pulses:
             setpoint = with_pulse(setpoint, pulse, float(t))
         setpoints.append(setpoint)

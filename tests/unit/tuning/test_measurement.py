@@ -1,14 +1,20 @@
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 from support.tuning import MadeUp, made_up
 
-from daemon.tuning.measurement import PoorDataError, measure
+from daemon.tuning.measurement import Measured, PoorDataError, hover_thrust, measure
+
+
+@cache
+def default() -> Measured:
+    return measure(made_up(MadeUp()))
 
 
 def test_a_made_up_vehicle_is_found_again() -> None:
-    found = measure(made_up(MadeUp()))
+    found = default()
     for loop, dead_s, lag_s, gain in (
         (found.roll, 0.03, 0.055, 1.0),
         (found.pitch, 0.03, 0.06, 1.0),
@@ -25,7 +31,7 @@ def test_a_made_up_vehicle_is_found_again() -> None:
 
 def test_errors_are_of_the_size_of_what_is_wrong() -> None:
     noisy = replace(MadeUp(), rate_noise_rad_s=0.1, velocity_noise_m_s=0.03)
-    quiet, found = measure(made_up(MadeUp())), measure(made_up(noisy))
+    quiet, found = default(), measure(made_up(noisy))
     assert found.roll.total_s.error > quiet.roll.total_s.error
     assert abs(found.roll.total_s.value - 0.085) < 4.0 * found.roll.total_s.error
     assert abs(found.thrust.hover_thrust.value - 0.55) < 4.0 * found.thrust.hover_thrust.error
@@ -35,11 +41,24 @@ def test_force_with_the_square_of_the_command_shows_in_the_slope() -> None:
     assert measure(made_up(replace(MadeUp(), slope=2.0))).thrust.slope == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.parametrize("trim", [0.01, -0.01])
+def test_hover_thrust_is_that_of_rest_when_the_vehicle_climbs_or_sinks(trim: float) -> None:
+    assert measure(made_up(MadeUp(trim=trim))).thrust.hover_thrust.value == pytest.approx(0.55, abs=0.0015)
+
+
+def test_hover_thrust_is_that_of_rest_when_the_vehicle_gathers_speed() -> None:
+    """0.01 of thrust beyond hover, at 20 m/s2 for all of it, is a climb that quickens by 0.2 m/s2."""
+    fit = replace(default().thrust.fit, full_thrust_m_s2=20.0, drag_1_s=0.0)
+    time_s = np.arange(0.0, 2.5, 0.002)
+    window = replace(default().thrust.windows[0], time_s=time_s, command=0.0 * time_s + 0.51, response=-0.2 * time_s)
+    assert hover_thrust(window, fit) == pytest.approx(0.5, abs=0.001)
+
+
 def test_a_stall_of_the_machine_in_one_pulse_does_not_move_the_figures() -> None:
     recording = made_up(MadeUp())
-    late = recording.begun_s + recording.programme[2].start_s + 0.1
-    sent = [s for s in recording.sent if not late < s.time_s < late + 0.25]
-    found = measure(replace(recording, sent=sent))
+    begun_s = recording.begun_s + recording.programme[2].start_s
+    late = [replace(s, time_s=s.time_s - 0.15) if begun_s < s.time_s < begun_s + 0.9 else s for s in recording.sent]
+    found = measure(replace(recording, sent=sorted(late, key=lambda s: s.time_s)))
     assert found.roll.total_s.value == pytest.approx(0.085, abs=0.006)
 
 
