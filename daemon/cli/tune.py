@@ -51,7 +51,7 @@ def tune(
     """Measure hover thrust and the lags of rates and thrust on a hovering vehicle, and propose gains.
 
     Calm air and 5 m of room on every side are needed, and the vehicle in Hold. While the control law holds the place,
-    pulses of 35 deg/s on each axis and of 12 % of thrust are flown for a minute. They end at once when the vehicle is
+    pulses of 35 deg/s on each axis and of 15 % of thrust are flown for a minute. They end at once when the vehicle is
     2 m off, tilts by 20 deg, or when anybody else takes it.
     """
     from daemon import logs
@@ -85,7 +85,7 @@ def tune(
     except (StoppedError, LinkError, ChildError, OSError) as error:
         fail(Exit.ABORTED, str(error), as_json)
     except (asyncio.CancelledError, KeyboardInterrupt):
-        fail(Exit.INTERRUPTED, "interrupted; the vehicle was handed back to Hold", as_json)
+        fail(Exit.INTERRUPTED, "interrupted; if it was engaged, the vehicle was handed back to Hold", as_json)
     from daemon.tuning import result
 
     if as_json:
