@@ -123,7 +123,8 @@ def answer(fit: Fit, time_s: Samples, command: Samples) -> Samples:
     grid, held, _ = _resampled(time_s, command, time_s)
     second = fit.natural_frequency_rad_s is not None and fit.damping is not None
     by = _oscillator(fit.lag_s, fit.damping or 1.0) if second else _lag(fit.lag_s)
-    return np.interp(time_s, grid, fit.gain * _followed(fit.dead_time_s, by, grid, held))
+    answered: Samples = np.interp(time_s, grid, fit.gain * _followed(fit.dead_time_s, by, grid, held))
+    return answered
 
 
 def answer_of_thrust(fit: ThrustFit, time_s: Samples, thrust: Samples) -> Samples:
@@ -132,7 +133,8 @@ def answer_of_thrust(fit: ThrustFit, time_s: Samples, thrust: Samples) -> Sample
     lagged = float(held[0]) + _followed(fit.dead_time_s, _lag(fit.lag_s), grid, held)
     pole = float(np.exp(-fit.drag_1_s * _GRID_S))
     velocity = lfilter([_GRID_S], [1.0, -pole], fit.full_thrust_m_s2 * (fit.hover_thrust - lagged))
-    return np.interp(time_s, grid, velocity)
+    answered: Samples = np.interp(time_s, grid, velocity)
+    return answered
 
 
 def margins(parameters: ControlParameters, *, rate_lag_s: float, unpredicted_delay_s: float = 0.0) -> Margins:
