@@ -163,7 +163,8 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds, **other
         and status.system_status is SystemStatus.ACTIVE
         and not differs
         and usable
-        and not memory.variance.active,
+        and not memory.variance.active
+        and not memory.disagreement.active,
         state_usable=usable,
         estimate_lost=facts.age_s > bounds.lost_s,
         estimate_poor=memory.variance.active,

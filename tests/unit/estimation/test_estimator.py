@@ -197,3 +197,26 @@ def test_no_telemetry_makes_the_estimate_infinite(message, parameters, stream):
             )
             assert all(isfinite(v) for v in numbers)
             assert estimate.age_s >= 0.0
+
+
+def test_after_a_pause_the_second_opinion_starts_from_an_attitude_of_now_not_of_before(message):
+    """A process that stood still: the IMU's first sample after it comes before the first ODOMETRY."""
+
+    def at(time_s, roll_rad):
+        q = frames.exp((roll_rad, 0.0, 0.0))
+        specific_force = frames.rotate_inverse(q, (0.0, 0.0, -9.80665))
+        odometry = message(round(time_s * 1e6), attitude_wb=q)
+        return odometry, Imu(odometry.stamp_us, odometry.arrival_s, specific_force, ZERO3, ZERO3)
+
+    state, last = estimator.initial(PARAMETERS), None
+    for i in range(100):
+        last, imu = at(10.0 + 0.01 * i, 0.5)
+        state, _ = estimator.step(state, last, imu, ZERO3, last.arrival_s, parameters=PARAMETERS)
+    for i in range(5):
+        _, imu = at(14.0 + 0.01 * i, 0.0)
+        state, _ = estimator.step(state, last, imu, ZERO3, imu.arrival_s, parameters=PARAMETERS)
+    for i in range(5, 300):
+        odometry, imu = at(14.0 + 0.01 * i, 0.0)
+        state, estimate = estimator.step(state, odometry, imu, ZERO3, imu.arrival_s, parameters=PARAMETERS)
+        assert estimate.disagreement_rad < 0.01
+    assert estimate.age_s < 0.1

@@ -168,6 +168,13 @@ def test_an_engage_that_is_not_possible_is_not_begun() -> None:
         assert rig.tick(5) not in OURS, "a request is taken at once or not at all"
 
 
+def test_an_engage_on_an_attitude_that_the_accelerometer_contradicts_is_not_begun() -> None:
+    rig = ready().set(disagreement_rad=0.5)
+    rig.tick(250)
+    rig.ask(RequestKind.ENGAGE)
+    assert rig.tick(5) is State.READY
+
+
 @pytest.mark.parametrize("mode", [m for m in FlightMode if m not in (FlightMode.OFFBOARD, FlightMode.UNKNOWN)])
 def test_a_mode_change_not_asked_for_silences_within_one_tick_and_asks_nothing(mode: FlightMode) -> None:
     rig = tracking().status(IN_OFFBOARD, mode=mode, intended_mode=mode)
@@ -418,6 +425,11 @@ def test_what_flew_the_vehicle_while_the_link_was_lost_keeps_it() -> None:
         rig.status(IN_OFFBOARD, mode=mode, intended_mode=mode)
         assert rig.tick(100) is State.PILOT
         assert rig.asked == []
+        rig.status(IN_OFFBOARD, connected=False)
+        rig.tick(100)
+        rig.status(IN_OFFBOARD)
+        assert rig.tick(100) is State.PILOT
+        assert rig.asked == [], "the second loss was not of ours"
 
 
 def test_a_rebooted_autopilot_is_met_anew() -> None:
