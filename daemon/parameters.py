@@ -22,9 +22,11 @@ from daemon.safety.geofence import Geofence
 from daemon.safety.supervision import Timing
 from daemon.settings import Config
 
+DEFAULT_HOVER_THRUST = 0.5
+
 
 def pipeline_parameters(config: Config, fence: Geofence, hover_thrust: float | None = None) -> Parameters:
-    """Parameters of ``pipeline.step``; ``hover_thrust`` replaces the configured start value."""
+    """Parameters of ``pipeline.step``; ``hover_thrust`` is what the autopilot flies with, where none is configured."""
     return Parameters(
         estimator=EstimatorParameters(
             clock=ClockParameters(telemetry_latency_s=config.estimator.telemetry_latency_s),
@@ -72,8 +74,8 @@ def control_parameters(config: Config, hover_thrust: float | None) -> ControlPar
         degrees_key = name + unit.replace("rad", "deg")
         values[name + unit] = radians(values.pop(degrees_key))
     values["attitude_law"] = AttitudeLaw(values["attitude_law"])
-    if hover_thrust is not None:
-        values["hover_thrust"] = hover_thrust
+    if values["hover_thrust"] is None:
+        values["hover_thrust"] = DEFAULT_HOVER_THRUST if hover_thrust is None else hover_thrust
     return ControlParameters(**values)
 
 

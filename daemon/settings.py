@@ -90,7 +90,7 @@ class Control(Section):
     feedback_max_m_s2: float = _number(0.5, 30.0, "m/s2", settable=True)
     approach_max_m_s: float = _number(0.1, 30.0, "m/s", settable=True)
     attitude_time_constant_s: Triple = _each(0.02, 5.0, "s", settable=True)
-    hover_thrust: float = _number(0.05, 0.95, "-")
+    hover_thrust: float | None = _number(0.05, 0.95, "-")
     thrust_curve: float = _number(0.0, 1.0, "-")
     thrust_lag_s: float = _number(0.0, 0.5, "s")
     rate_lag_s: Triple = _each(0.0, 2.0, "s")

@@ -104,7 +104,7 @@ def as_yaml(proposal: Proposal, airframe: str) -> str:
     return (
         f"# {airframe}, as measured by `flightd tune`. Phase margin {degrees(m.phase_rad):.0f} deg, "
         f"gain margin {m.gain:.1f}, delay margin {1e3 * m.delay_s:.0f} ms.\n"
-        f"# The autopilot's MPC_THR_HOVER replaces hover_thrust where it answers: set it to the same value.\n{text}"
+        f"# Set the autopilot's MPC_THR_HOVER to the same hover_thrust: its own modes fly with that.\n{text}"
     )
 
 

@@ -40,7 +40,7 @@ def test_the_default_file_holds_every_key_with_a_comment() -> None:
 def test_each_shipped_file_is_good_and_gives_parameters(file: Path) -> None:
     config = load([file])
     parameters = pipeline_parameters(config, geofence(config, (0.0, 0.0, 0.0)))
-    assert parameters.control.hover_thrust == config.control.hover_thrust
+    assert parameters.control.hover_thrust == (config.control.hover_thrust or 0.5)
     assert guidance_parameters(config).profile.value == config.guidance.profile
 
 
@@ -79,6 +79,13 @@ def test_all_faults_are_told_at_once(tmp_path: Path) -> None:
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"nowhere\.yaml"):
         load([tmp_path / "nowhere.yaml"])
+
+
+def test_a_configured_hover_thrust_wins_over_the_autopilots() -> None:
+    fence = geofence(load([]), (0.0, 0.0, 0.0))
+    assert pipeline_parameters(load([]), fence, 0.41).control.hover_thrust == 0.41
+    measured = load([], {"control": {"hover_thrust": 0.37}})
+    assert pipeline_parameters(measured, fence, 0.41).control.hover_thrust == 0.37
 
 
 def test_a_bare_name_means_the_shipped_file() -> None:
