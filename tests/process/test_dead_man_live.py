@@ -2,9 +2,7 @@
 
 import asyncio
 import contextlib
-import os
 import signal
-import sys
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -12,7 +10,7 @@ from math import degrees
 from pathlib import Path
 
 import pytest
-from support.processes import Child, answers, daemon_on, free_udp_port, running, until
+from support.processes import Child, blocking_daemon, daemon_on, free_udp_port, until
 
 from daemon import frames
 from daemon.goals.client import FlightClient
@@ -25,7 +23,6 @@ from daemon.sim.px4 import SimulatedPx4
 PATIENCE_S = 40.0
 HEIGHT_M = 30.0
 TILT_MAX_DEG = 45.0
-BLOCKING = Path(__file__).parents[1] / "support" / "blocking_daemon.py"
 
 
 @dataclass
@@ -77,20 +74,6 @@ async def air() -> AsyncIterator[Air]:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-
-
-@asynccontextmanager
-async def blocking_daemon(tmp_path: Path, connection: str, block_s: float) -> AsyncIterator[Child]:
-    path, log_file = tmp_path / "flightd.sock", tmp_path / "flightd.log"
-    with log_file.open("wb") as log:
-        process = await asyncio.create_subprocess_exec(
-            sys.executable, str(BLOCKING), connection, str(path), stdin=asyncio.subprocess.DEVNULL, stdout=log,
-            stderr=log, env={**os.environ, "BLOCK_S": str(block_s)},
-        )  # fmt: skip
-    child = Child(process, log_file, path)
-    async with running(child):
-        await answers(child)
-        yield child
 
 
 async def take(child: Child, seen: Air) -> None:

@@ -101,11 +101,13 @@ def _link() -> list[Case]:
         Case(
             name="setpoints lost on the way",
             faults=(Link(silent=True, direction="up"),),
+            tilt_deg=60.0,  # the autopilot keeps the last rate until its failsafe
             **_taken("autopilot_failsafe", State.FAULT, failsafe, 1.3),
         ),
         Case(
             name="autopilot reboots",
             faults=(Reboot(),),
+            tilt_deg=90.0,  # its motors stand still
             **_taken("estimate_lost", State.STANDBY, FlightMode.LAND, 1.4, asked=(HOLD, FlightMode.LAND), hold_s=0.1),
         ),
     ]

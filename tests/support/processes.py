@@ -18,6 +18,7 @@ from daemon.goals.client_errors import FlightError
 
 START_S = 30.0
 STOP_S = 10.0
+BLOCKING = Path(__file__).parent / "blocking_daemon.py"
 FLIGHTD = (sys.executable, "-m", "daemon.cli.main")
 
 
@@ -83,6 +84,21 @@ async def daemon_on(tmp_path: Path, connection: str, *args: str) -> AsyncIterato
     path = tmp_path / "flightd.sock"
     child = await start(tmp_path, "flightd", "run", "--connection", connection, "--socket", str(path), *args)
     child.socket = path
+    async with running(child):
+        await answers(child)
+        yield child
+
+
+@asynccontextmanager
+async def blocking_daemon(tmp_path: Path, connection: str, block_s: float) -> AsyncIterator[Child]:
+    """A daemon that stands still for ``block_s`` at SIGUSR1 (its loop) or SIGUSR2 (its interpreter)."""
+    path, log_file = tmp_path / "flightd.sock", tmp_path / "flightd.log"
+    with log_file.open("wb") as log:
+        process = await asyncio.create_subprocess_exec(
+            sys.executable, str(BLOCKING), connection, str(path), stdin=asyncio.subprocess.DEVNULL, stdout=log,
+            stderr=log, env={**os.environ, "BLOCK_S": str(block_s)},
+        )  # fmt: skip
+    child = Child(process, log_file, path)
     async with running(child):
         await answers(child)
         yield child
