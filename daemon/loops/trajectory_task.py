@@ -211,7 +211,7 @@ class TrajectoryTask:
 
     def _current_plan(self, flown: Reference) -> Plan:
         active = self._active
-        if active is None or (active.plan is None and active.ahead is not None):
+        if active is None or (active.plan is None and active.ahead is not None and not active.canceled):
             if self._rest is None:
                 self._rest = brake(flown, self._limits())
             return self._rest
@@ -238,7 +238,11 @@ class TrajectoryTask:
         lead_s = PLANNING_S
         while self._active is active and active.plan is None:
             start = before.sample(loop.time() + lead_s)
-            plan = await loop.run_in_executor(None, self._planned, active.order, start)
+            try:
+                plan = await loop.run_in_executor(None, self._planned, active.order, start)
+            except Exception as error:  # noqa: BLE001 - comes out of run() at the next tick of the grid
+                self._failure = error
+                return
             if self._active is not active or active.canceled or self._shift.count != shift_count:
                 break
             if loop.time() < start.time_s:
