@@ -25,7 +25,7 @@ class Timing:
     engage_s: float = 2.0
     retry_s: float = 0.2
     confirm_s: float = 0.3
-    repeat_s: float = 0.1
+    repeat_s: float = 0.05
     level_s: float = 0.2
     request_s: float = 3.0
 

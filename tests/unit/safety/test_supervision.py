@@ -325,13 +325,13 @@ def test_hold_unconfirmed_becomes_land_then_level_then_silence_within_a_second()
     assert rig.drive is Drive.SILENT
 
 
-def test_the_commands_of_a_hand_over_are_repeated_every_tenth_of_a_second() -> None:
+def test_the_commands_of_a_hand_over_are_repeated_twenty_times_a_second() -> None:
     rig = releasing()
     while rig.tick() is State.RELEASING:
         pass
     times = [time for time, _ in rig.asked]
-    assert len(times) == 8
-    assert all(0.09 < after - before < 0.12 for before, after in pairwise(times))
+    assert 14 <= len(times) <= 16
+    assert all(0.04 < after - before < 0.07 for before, after in pairwise(times))
 
 
 def test_a_refused_offboard_is_not_asked_for_again_before_two_tenths() -> None:
