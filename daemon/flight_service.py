@@ -100,11 +100,11 @@ class Service:
 
     async def goal_submit(self, params: methods.GoalSubmit, caller: Caller, goal_id: str) -> results.GoalAccepted:
         """See ``FlightService``."""
-        if self._vehicle.stopping:
-            raise ProtocolError(ErrorCode.WRONG_STATE, "the daemon is stopping")
         try:
             engage = self._needs_engage()
             order = await orders.order(goal_id, params, self._place(), caller.connection)
+            if self._needs_engage() and not engage:
+                raise ProtocolError(ErrorCode.WRONG_STATE, "the vehicle was released while the goal was planned")
         except ProtocolError as error:
             self._journal.goal("refused", goal_id, {"field": error.field, "reason": error.reason})
             raise
@@ -126,6 +126,8 @@ class Service:
             raise ProtocolError(ErrorCode.WRONG_STATE, f"goal {params.goal_id} is not active", "goal_id")
         if active.kind != "waypoint":
             raise ProtocolError(ErrorCode.WRONG_STATE, f"a {active.kind} cannot be moved", "goal_id")
+        if self._vehicle.trajectory.canceled:
+            raise ProtocolError(ErrorCode.WRONG_STATE, f"goal {params.goal_id} was canceled", "goal_id")
         self._vehicle.trajectory.update(orders.moved(active, params.waypoint, self._place()))
         self._journal.goal("updated", params.goal_id, params.model_dump(mode="json", exclude_none=True))
         return {"goal_id": params.goal_id}
@@ -221,9 +223,13 @@ class Service:
 
     def _needs_engage(self) -> bool:
         """Whether a goal has to take the vehicle first. Raises when it cannot be flown in this state."""
+        if self._vehicle.stopping:
+            raise ProtocolError(ErrorCode.WRONG_STATE, "the daemon is stopping")
         state = self._commander.state
-        if state in FLYING or state is State.ENGAGING:
+        if state in FLYING:
             return False
+        if state is State.ENGAGING:
+            return True
         if state is State.READY and self._vehicle.config.goals.engage_on_submit:
             try:
                 self._commander.require_engageable()
@@ -241,11 +247,9 @@ class Service:
 
     async def _engage_for(self, goal_id: str) -> None:
         try:
-            await self._commander.engage_pending(lambda: self._vehicle.trajectory.goal_id is not None)
+            await self._commander.engage_pending(lambda: self._vehicle.trajectory.goal_id == goal_id)
         except (NotPossibleError, CommandRefusedError, CommandTimeoutError, NotConnectedError) as error:
-            active = self._vehicle.trajectory.goal_id
-            if active is not None:
-                self._vehicle.trajectory.abort(active, f"engage_refused: {error}")
+            self._vehicle.trajectory.abort(goal_id, f"engage_refused: {error}")
 
     def _place(self) -> orders.Place:
         record = self._vehicle.control.record.value

@@ -52,7 +52,7 @@ class Loops(Section):
     control_rate_hz: float = _number(50.0, 250.0, "Hz")
     trajectory_rate_hz: float = _number(5.0, 50.0, "Hz")
     window_s: float = _number(0.6, 5.0, "s")
-    command_latency_s: float = _number(0.0, 0.2, "s", settable=True)
+    command_latency_s: float = _number(0.0, 0.2, "s")
     cpu_affinity: Annotated[tuple[int, ...], Field(strict=False)] = ()
     realtime_priority: int = Field(ge=0, le=99)
     lock_memory: bool

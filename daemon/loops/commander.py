@@ -4,16 +4,21 @@ import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from daemon.autopilot.port import Autopilot, Command, CommandKind, CommandRefusedError, CommandTimeoutError
+from daemon.autopilot.port import (
+    Autopilot,
+    Command,
+    CommandKind,
+    CommandRefusedError,
+    CommandTimeoutError,
+    LinkError,
+)
 from daemon.latest import Latest
 from daemon.messages import FlightMode, LandedState, RequestKind, SystemStatus, VehicleRequest
 from daemon.pipeline import Record
+from daemon.safety.conditions import PILOT_MODES
 from daemon.safety.dead_man import SetpointGate
 from daemon.safety.supervisor import FLYING, OURS, State
 
-PILOT_MODES = frozenset(
-    {FlightMode.MANUAL, FlightMode.ALTITUDE, FlightMode.POSITION, FlightMode.ACRO, FlightMode.STABILIZED}
-)
 POLL_S = 0.02
 
 
@@ -36,8 +41,16 @@ class CommandTimeouts:
     descend_m_s: float = 0.3
 
 
+def _require_wanted(wanted: bool) -> None:
+    if not wanted:
+        raise NotPossibleError("superseded by a newer vehicle request")
+
+
 class Commander:
-    """One request at a time: a newer one ends a pending one with ``NotPossibleError("superseded ...")``."""
+    """One request at a time: a newer one ends a pending one with ``NotPossibleError("superseded ...")``.
+
+    A request that is refused at once ends none. ``stopping``: the vehicle is not engaged any more.
+    """
 
     def __init__(
         self,
@@ -53,6 +66,7 @@ class Commander:
         self._request = request
         self._timeouts = timeouts
         self._turn = 0
+        self.stopping = False
 
     @property
     def state(self) -> State:
@@ -62,28 +76,30 @@ class Commander:
 
     async def arm(self) -> None:
         """Arm; done when telemetry shows it."""
-        turn = self._begin()
         self._require_connected()
-        await self._arm(turn)
+        if not self._autopilot.status.value.armed:
+            await self._arm(self._begin())
 
     async def disarm(self) -> None:
         """Disarm; only on the ground."""
-        turn = self._begin()
         self._require_connected()
         if self._autopilot.status.value.landed is not LandedState.ON_GROUND:
             raise NotPossibleError("the vehicle is not landed; land it first")
-        await self._autopilot.command(Command(CommandKind.DISARM), self._timeouts.acknowledge_s)
+        turn = self._begin()
+        await self._command(turn, Command(CommandKind.DISARM))
         await self._until(turn, lambda: not self._autopilot.status.value.armed, self._timeouts.arm_s, "disarmed")
 
     async def takeoff(self, altitude_m: float) -> None:
         """Arm if needed and climb to ``altitude_m`` above the take-off point; done in the air and in Hold."""
-        turn = self._begin()
         self._require_connected()
         status = self._autopilot.status.value
         if self.state is not State.STANDBY or status.landed is not LandedState.ON_GROUND:
             raise NotPossibleError(f"take-off needs a vehicle on the ground; the state is {self.state.value}")
+        if status.armed and status.mode in PILOT_MODES:
+            raise NotPossibleError(f"a pilot has armed the vehicle and flies in mode {status.mode.value}")
         if status.global_position is None:
             raise NotPossibleError("the autopilot has no global position yet, so the height cannot be given")
+        turn = self._begin()
         altitude_amsl_m = status.global_position.altitude_amsl_m + altitude_m
         if status.mode is not FlightMode.HOLD:
             # Arming is refused in Land, and in a mode that lacks what it needs.
@@ -91,7 +107,7 @@ class Commander:
             await self._until_mode(turn, FlightMode.HOLD)
         await self._arm(turn)
         self._post(RequestKind.TAKEOFF)
-        await self._autopilot.command(Command(CommandKind.TAKEOFF, altitude_amsl_m), self._timeouts.acknowledge_s)
+        await self._command(turn, Command(CommandKind.TAKEOFF, altitude_amsl_m))
         await self._until(turn, lambda: self.state is State.TAKING_OFF, self._timeouts.mode_s, "taking off")
         limit_s = self._timeouts.takeoff_s + altitude_m / self._timeouts.climb_m_s
         await self._until(turn, lambda: self.state is not State.TAKING_OFF, limit_s, "in the air")
@@ -99,6 +115,9 @@ class Commander:
 
     async def engage(self) -> None:
         """Take the vehicle over from Hold; done when offboard is confirmed."""
+        self._require_connected()
+        if self.state not in FLYING and self.state is not State.ENGAGING:
+            self.require_engageable()
         turn = self._begin()
         await self.engage_pending(lambda: self._turn == turn)
 
@@ -120,6 +139,8 @@ class Commander:
         """Raise ``NotPossibleError`` with what is missing, unless the vehicle could be engaged now."""
         record = self._record.value
         status = self._autopilot.status.value
+        if self.stopping:
+            raise NotPossibleError("the daemon is stopping")
         if record is None or self.state not in (State.READY, State.PILOT, State.FAULT):
             raise NotPossibleError(f"cannot engage in state {self.state.value}; take off first")
         missing = [
@@ -147,8 +168,7 @@ class Commander:
 
     async def hold(self) -> None:
         """The autopilot's Hold, from any airborne mode except a pilot's; also how the vehicle is released."""
-        turn = self._begin()
-        self._require_flyable("hold")
+        turn = await self._begin_leaving("hold")
         self._post(RequestKind.HOLD)
         await self._until_mode(turn, FlightMode.HOLD)
         await self._until(turn, lambda: self.state is State.READY, self._timeouts.mode_s, "in Hold")
@@ -162,8 +182,7 @@ class Commander:
         await self._come_down(RequestKind.RETURN, FlightMode.RETURN, self._timeouts.return_s)
 
     async def _come_down(self, kind: RequestKind, mode: FlightMode, limit_s: float) -> None:
-        turn = self._begin()
-        self._require_flyable(kind.value)
+        turn = await self._begin_leaving(kind.value)
         record = self._record.value
         height_m = 0.0
         if record is not None and record.estimate.newest is not None:
@@ -187,12 +206,29 @@ class Commander:
             return
         if self.state is not State.STANDBY:
             raise NotPossibleError(f"cannot arm in state {self.state.value}")
-        await self._autopilot.command(Command(CommandKind.ARM), self._timeouts.acknowledge_s)
+        await self._command(turn, Command(CommandKind.ARM))
         await self._until(turn, lambda: self._autopilot.status.value.armed, self._timeouts.arm_s, "armed")
 
     def _begin(self) -> int:
         self._turn += 1
         return self._turn
+
+    async def _begin_leaving(self, what: str) -> int:
+        """Begin a request for another mode; a release that is under way is let end first, it takes no second wish."""
+        self._require_flyable(what)
+        turn = self._begin()
+        await self._until(turn, lambda: self.state is not State.RELEASING, self._timeouts.mode_s, "released")
+        self._require_flyable(what)
+        return turn
+
+    async def _command(self, turn: int, command: Command) -> None:
+        """Command and acknowledgement; what came of it does not count when the request was superseded meanwhile."""
+        try:
+            await self._autopilot.command(command, self._timeouts.acknowledge_s)
+        except LinkError:
+            _require_wanted(self._turn == turn)
+            raise
+        _require_wanted(self._turn == turn)
 
     def _post(self, kind: RequestKind) -> None:
         last = self._request.value
@@ -243,9 +279,10 @@ class Commander:
         """Look every ``POLL_S``: what is waited for is several cells, each with its own writer."""
         loop = asyncio.get_running_loop()
         deadline_s = loop.time() + limit_s
-        while not done():
-            if not wanted():
-                raise NotPossibleError("superseded by a newer vehicle request")
+        while True:
+            _require_wanted(wanted())
+            if done():
+                return
             if loop.time() > deadline_s:
                 raise CommandTimeoutError(f"not {what} after {limit_s:g} s; it may still come")
             await asyncio.sleep(POLL_S)

@@ -80,6 +80,11 @@ class TrajectoryTask:
         """The active goal's order."""
         return self._active.order if self._active else None
 
+    @property
+    def canceled(self) -> bool:
+        """Whether the active goal brakes because it was canceled."""
+        return self._active is not None and self._active.canceled
+
     async def run(self) -> None:
         """Tick until cancelled."""
         await self.grid.run(self._on_grid)
@@ -127,6 +132,7 @@ class TrajectoryTask:
         sample = completed(sample, active.streamed, active.order.limits)
         active.streamed = sample
         flown = record.reference
+        self._follow_resets(record.estimate.shift)
         active.plan = follow(flown, sample, goal.timeout_s, active.order.limits, self._parameters())
         self.wake()
 
@@ -187,13 +193,17 @@ class TrajectoryTask:
         self.plan.set(None)
         self.window.set(None)
         self._shift = record.estimate.shift
-        if self._active is None or (self._active.plan is None and record.supervision.state in WAITING):
+        if self._active is None:
             return
-        request = self._request.value
-        if record.supervision.left == "requested" and request is not None:
+        reason, request = record.supervision.reason, self._request.value
+        if self._active.flying_since_s is not None:
+            reason = record.supervision.left
+        elif record.supervision.state in WAITING:
+            return
+        if reason == "requested" and request is not None:
             self._end("canceled", reason=f"vehicle.{request.kind.value}")
         else:
-            self._end("aborted", reason=record.supervision.left or record.supervision.reason)
+            self._end("aborted", reason=reason)
 
     def _follow_resets(self, shift: FrameShift) -> None:
         """Plans keep their physical place; a goal that was given on the globe is made anew from the origin."""

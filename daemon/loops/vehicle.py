@@ -43,7 +43,6 @@ class Vehicle:
     ) -> None:
         self.config = config
         self.autopilot = autopilot
-        self.stopping = False
         self.guidance: GuidanceParameters = guidance_parameters(config)
         self.parameters: Latest[Parameters] = Latest(pipeline_parameters(config, geofence(config, (0.0, 0.0, 0.0))))
         self.request: Latest[VehicleRequest | None] = Latest(None)
@@ -107,6 +106,11 @@ class Vehicle:
                 return
             self.autopilot.request_mode(FlightMode.HOLD)
 
+    @property
+    def stopping(self) -> bool:
+        """Whether the vehicle was handed over for good."""
+        return self.commander.stopping
+
     def set_config(self, config: Config) -> None:
         """Fly with other gains and limits from the next tick on. Raises ``ValueError`` and changes nothing."""
         before = self.parameters.value
@@ -117,11 +121,13 @@ class Vehicle:
         self.config = config
 
     async def release(self) -> None:
-        """Hand the vehicle over to Hold if it is ours, within ``RELEASE_S``; take no goals any more."""
-        self.stopping = True
-        if self.commander.state not in OURS:
+        """Hand the vehicle over to Hold if it is ours or about to be, within ``RELEASE_S``; take it no more."""
+        self.commander.stopping = True
+        last, record = self.request.value, self.record.value
+        engages = last is not None and last.kind is RequestKind.ENGAGE
+        seen = record is not None and last is not None and record.supervision.serial == last.serial
+        if self.commander.state not in OURS and (seen or not engages):
             return
-        last = self.request.value
         self.request.set(VehicleRequest(1 if last is None else last.serial + 1, RequestKind.HOLD))
         with contextlib.suppress(CommandTimeoutError):
             await self.commander.wait_for(lambda: self.commander.state not in OURS, RELEASE_S, "released")

@@ -14,6 +14,9 @@ from daemon.messages import (
 from daemon.safety.geofence import Geofence, excess_m
 
 LANDING_MODES = frozenset({FlightMode.LAND, FlightMode.RETURN, FlightMode.PRECISION_LAND})
+PILOT_MODES = frozenset(
+    {FlightMode.MANUAL, FlightMode.ALTITUDE, FlightMode.POSITION, FlightMode.ACRO, FlightMode.STABILIZED}
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,6 +96,7 @@ class Conditions:
     landing_confirmed: bool = False
     takeoff_confirmed: bool = False
     release_confirmed: bool = False
+    hold_stale: bool = False
     engage_over: bool = False
     release_levels: bool = False
     release_over: bool = False

@@ -3,7 +3,8 @@
 Engage: setpoints that match the vehicle for ``match_s``, then OFFBOARD is asked for, again after each refusal, until
 ``engage_s``. Release: setpoints go on while Hold (or Land, Return) is asked for, again every ``repeat_s`` for a message
 may be lost; refused or not confirmed after ``confirm_s`` it is Land; that too: level for ``level_s``, then silence, so
-that the autopilot's own failsafe starts from level.
+that the autopilot's own failsafe starts from level. A release from an engage starts in Hold, and what was asked of the
+autopilot within ``settle_s`` may still take effect: until then that Hold confirms nothing.
 """
 
 from dataclasses import dataclass, field, replace
@@ -11,7 +12,7 @@ from enum import Enum
 from math import inf
 
 from daemon.messages import AutopilotStatus, FlightMode, RequestKind, VehicleRequest
-from daemon.safety.conditions import Bounds, Conditions, Facts, Memory, evaluate, in_flight
+from daemon.safety.conditions import PILOT_MODES, Bounds, Conditions, Facts, Memory, evaluate, in_flight
 from daemon.safety.supervisor import FLYING, OURS, State, next_row
 
 FENCE_ASKS = 5
@@ -24,6 +25,7 @@ class Timing:
     match_s: float = 0.2
     engage_s: float = 2.0
     retry_s: float = 0.2
+    settle_s: float = 0.2
     confirm_s: float = 0.3
     repeat_s: float = 0.05
     level_s: float = 0.2
@@ -43,7 +45,8 @@ class Drive(Enum):
 class Supervision:
     """State of the supervisor. ``asked_mode`` is the mode that we asked the autopilot for and have not seen yet;
 
-    ``left`` is the reason for which the vehicle was last given back, whatever came after it.
+    ``left`` is the reason for which the vehicle was last given back, whatever came after it. From ``settled_s`` on a
+    Hold is an answer to the release.
     """
 
     state: State = State.DISCONNECTED
@@ -56,6 +59,7 @@ class Supervision:
     left: str = ""
     lost_while_ours: bool = False
     landing_asked: bool = False
+    settled_s: float = -inf
     memory: Memory = field(default_factory=Memory)
 
 
@@ -75,18 +79,20 @@ def step(
     memory, conditions = evaluate(supervision.memory, facts, now_s, bounds, rebooted=rebooted, **asked)
     if memory is not supervision.memory:
         supervision = replace(supervision, memory=memory)
-    modes: tuple[FlightMode, ...] = ()
-    if fresh is not None:
-        supervision = replace(supervision, serial=fresh.serial)
-        supervision, modes = _ask_without_flying(supervision, fresh, now_s)
+    was_ours = supervision.state in OURS
     row = next_row(supervision.state, conditions)
     if row is not None:
-        supervision, more = _enter(supervision, row.to, row.reason, fresh, facts.status, now_s)
-        return supervision, conditions, modes + more
-    supervision, more = _continue(supervision, facts.status, now_s, timing)
-    if _drifts_on(supervision, conditions, bounds, now_s, timing):
-        supervision, more = _ask(supervision, bounds.fence_beyond, now_s)
-    return supervision, conditions, modes + more
+        supervision, modes = _enter(supervision, row.to, row.reason, fresh, facts.status, now_s, timing)
+    else:
+        supervision, modes = _continue(supervision, facts.status, now_s, timing)
+        if _drifts_on(supervision, conditions, bounds, now_s, timing):
+            supervision, modes = _ask(supervision, bounds.fence_beyond, now_s)
+    if fresh is not None:
+        supervision = replace(supervision, serial=fresh.serial)
+        if not was_ours:
+            supervision, more = _ask_without_flying(supervision, fresh, facts.status, now_s)
+            modes += more
+    return supervision, conditions, modes
 
 
 def drive(supervision: Supervision, conditions: Conditions) -> Drive:
@@ -114,13 +120,15 @@ def _requests(
     confirmed = pending and status.mode is asked
     flying = confirmed and in_flight(status)
     asking_s = 2.0 * timing.confirm_s
+    stale = supervision.state is State.RELEASING and status.mode is FlightMode.HOLD and now_s < supervision.settled_s
     return {
         "engage_asked": kind is RequestKind.ENGAGE,
         "release_asked": kind in (RequestKind.HOLD, RequestKind.LAND, RequestKind.RETURN),
         "hold_confirmed": flying and asked is FlightMode.HOLD,
         "landing_confirmed": flying and asked in (FlightMode.LAND, FlightMode.RETURN),
         "takeoff_confirmed": confirmed and asked is FlightMode.TAKEOFF and status.armed,
-        "release_confirmed": supervision.state is State.RELEASING and confirmed,
+        "release_confirmed": supervision.state is State.RELEASING and confirmed and not stale,
+        "hold_stale": stale,
         "engage_over": elapsed > timing.engage_s,
         "release_levels": elapsed > asking_s,
         "release_over": elapsed > asking_s + timing.level_s,
@@ -136,11 +144,13 @@ _MODE_OF = {
 
 
 def _ask_without_flying(
-    supervision: Supervision, request: VehicleRequest, now_s: float
+    supervision: Supervision, request: VehicleRequest, status: AutopilotStatus, now_s: float
 ) -> tuple[Supervision, tuple[FlightMode, ...]]:
     """A mode asked for while the vehicle is not ours. Take-off is commanded by whoever asks: it carries a height."""
     mode = _MODE_OF.get(request.kind)
     if mode is None or supervision.state in OURS or supervision.state is State.DISCONNECTED:
+        return supervision, ()
+    if in_flight(status) and status.mode in PILOT_MODES:
         return supervision, ()
     supervision = replace(supervision, asked_mode=mode, asked_s=now_s)
     return supervision, () if mode is FlightMode.TAKEOFF else (mode,)
@@ -153,15 +163,23 @@ def _enter(
     fresh: VehicleRequest | None,
     status: AutopilotStatus,
     now_s: float,
+    timing: Timing,
 ) -> tuple[Supervision, tuple[FlightMode, ...]]:
-    was_ours = supervision.state in OURS
-    if supervision.state in FLYING and state not in FLYING:
+    before = supervision
+    was_ours = before.state in OURS
+    if (before.state in FLYING or before.state is State.ENGAGING) and state not in FLYING:
         supervision = replace(supervision, left=reason)
     supervision = replace(supervision, state=state, since_s=now_s, reason=reason, asked_mode=None, asked_s=-inf, asks=0)
-    supervision = replace(supervision, landing_asked=False)
+    supervision = replace(supervision, landing_asked=False, settled_s=-inf)
     if state is State.RELEASING:
         mode = _MODE_OF[fresh.kind] if fresh is not None and fresh.kind in _MODE_OF else FlightMode.HOLD
-        return replace(supervision, asked_mode=mode, asked_s=now_s, asks=1), (mode,)
+        offboard_s = before.asked_s if before.asked_mode is FlightMode.OFFBOARD else -inf
+        asked_s = offboard_s if mode is FlightMode.HOLD else now_s
+        settled_s = asked_s + timing.settle_s if before.state is State.ENGAGING else -inf
+        return replace(supervision, asked_mode=mode, asked_s=now_s, asks=1, settled_s=settled_s), (mode,)
+    if before.state is State.RELEASING and state is State.READY and before.asked_mode is not FlightMode.HOLD:
+        # A Land or Return that was asked for may still take effect.
+        return replace(supervision, asked_mode=before.asked_mode, asked_s=before.asked_s), ()
     if state is State.READY and reason in ("engage_refused", "estimate_lost"):
         # An OFFBOARD that was asked for may still take effect.
         return replace(supervision, asked_mode=FlightMode.HOLD, asked_s=now_s), (FlightMode.HOLD,)

@@ -62,15 +62,15 @@ TABLE: tuple[Row, ...] = (
     Row(frozenset({_S.ENGAGING}), ("!offboard", "!hold"), _S.PILOT, "pilot_override"),
     Row(frozenset({_S.RELEASING}), ("release_confirmed", "hold"), _S.READY, "released"),
     Row(frozenset({_S.RELEASING}), ("release_confirmed",), _S.LANDING, "released_to_land"),
-    Row(frozenset({_S.RELEASING}), ("!offboard", "hold"), _S.READY, "released"),
-    Row(frozenset({_S.RELEASING}), ("!offboard",), _S.PILOT, "pilot_override"),
+    Row(frozenset({_S.RELEASING}), ("!offboard", "hold", "!hold_stale"), _S.READY, "released"),
+    Row(frozenset({_S.RELEASING}), ("!offboard", "!hold"), _S.PILOT, "pilot_override"),
     Row(frozenset({_S.RELEASING}), ("release_over",), _S.FAULT, "release_failed"),
-    # Engaging is bounded, and ends where it came from.
+    # Engaging is bounded, and ends where it came from; a request of that tick is not lost.
+    Row(frozenset({_S.ENGAGING}), ("release_asked",), _S.RELEASING, "requested"),
     Row(frozenset({_S.ENGAGING}), ("offboard", "state_usable"), _S.HOLDING, "engaged"),
     Row(frozenset({_S.ENGAGING}), ("offboard", "!state_usable"), _S.RELEASING, "estimate_lost"),
     Row(frozenset({_S.ENGAGING}), ("engage_over",), _S.READY, "engage_refused"),
     Row(frozenset({_S.ENGAGING}), ("!state_usable",), _S.READY, "estimate_lost"),
-    Row(frozenset({_S.ENGAGING}), ("release_asked",), _S.RELEASING, "requested"),
     # What makes us give the vehicle back.
     Row(FLYING, ("release_asked",), _S.RELEASING, "requested"),
     Row(FLYING, ("estimate_lost",), _S.RELEASING, "estimate_lost"),

@@ -347,12 +347,22 @@ def test_a_refused_offboard_is_not_asked_for_again_before_two_tenths() -> None:
 
 def test_a_hold_that_comes_long_after_it_was_asked_for_is_somebody_elses() -> None:
     for late_s, state in ((2.9, State.READY), (3.1, State.PILOT)):
-        rig = Rig().status(IN_HOLD, mode=FlightMode.POSITION, intended_mode=FlightMode.POSITION)
+        rig = Rig().status(IN_HOLD, mode=FlightMode.MISSION, intended_mode=FlightMode.MISSION)
         rig.tick()
         rig.ask(RequestKind.HOLD)
         rig.tick(round(late_s / TICK_S))
         rig.status(IN_HOLD)
         assert rig.tick(5) is state
+
+
+@pytest.mark.parametrize("kind", [RequestKind.HOLD, RequestKind.LAND, RequestKind.RETURN])
+def test_a_request_that_meets_a_pilots_mode_in_its_tick_commands_nothing(kind: RequestKind) -> None:
+    rig = Rig().status(IN_HOLD)
+    rig.tick()
+    rig.status(IN_HOLD, mode=FlightMode.POSITION, intended_mode=FlightMode.POSITION)
+    rig.ask(kind)
+    assert rig.tick(5) is State.PILOT
+    assert rig.asked == []
 
 
 def test_a_refused_hold_becomes_land_at_once() -> None:
