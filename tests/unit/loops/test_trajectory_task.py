@@ -60,8 +60,9 @@ def test_a_waypoint_succeeds_after_its_dwell_and_its_hold() -> None:
 
 def test_the_reference_goes_on_to_the_goal_itself_after_its_success() -> None:
     async def scenario(rig: Rig) -> None:
-        await rig.end_of(rig.submit(to(NEAR, convergence=Tolerance(dwell_s=0.0))))
-        assert dist(rig.flown.position_ned_m, NEAR) > 1e-3
+        wide = Tolerance(position_m=1.8, speed_m_s=5.0, dwell_s=0.0)
+        await rig.end_of(rig.submit(to(NEAR, convergence=wide)))
+        assert dist(rig.flown.position_ned_m, NEAR) > 1.0
         await rig.wait(2.0)
         assert dist(rig.flown.position_ned_m, NEAR) < 1e-6
 
@@ -320,9 +321,8 @@ def test_the_vehicle_goes_on_while_a_long_path_is_planned(
         await rig.wait(1.5)
         goal_id = rig.submit(FLY_BY)
         assert (await rig.end_of(first)).by == goal_id
-        speed = _speed(rig.flown)
-        await rig.wait(0.25)
-        assert _speed(rig.flown) >= speed > 1.0
+        await rig.wait(0.12)
+        assert rig.flown.acceleration_ned_m_s2[1] == pytest.approx(-3.0)
         entry = await rig.end_of(goal_id)
         assert entry.outcome == "succeeded"
         assert len(begun) == len(takes_s)
