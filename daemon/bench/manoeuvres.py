@@ -44,6 +44,16 @@ def step(length_m: float) -> Manoeuvre:
     return Manoeuvre(name=f"step_{length_m:g}m", reference_at=at, run_in_s=_STEP_AT_S, duration_s=14.0, step_m=length_m)
 
 
+def leg(speed_m_s: float, duration_s: float) -> Manoeuvre:
+    """Straight north."""
+
+    def at(t: float) -> Reference:
+        area_s, share, slope, bend = (speed_m_s * value for value in _ramp(t))
+        return Reference(t, (area_s, 0.0, 0.0), (share, 0.0, 0.0), (slope, 0.0, 0.0), (bend, 0.0, 0.0))
+
+    return Manoeuvre(name=f"leg_{speed_m_s:g}", reference_at=at, run_in_s=RAMP_S, duration_s=duration_s)
+
+
 def lemniscate(peak_m_s: float, yaw_rate_rad_s: float = 0.0, name: str | None = None) -> Manoeuvre:
     """x = 10 sin, y = 5 sin 2, two laps of which the second counts; optionally with a heading that turns."""
     rate = peak_m_s / _EIGHT.path_speed_m
@@ -95,13 +105,9 @@ def all_manoeuvres() -> tuple[Manoeuvre, ...]:
 
 
 def _along(shape: Shape, offset: Vec3, t: float, rate_rad_s: float, yaw_rate_rad_s: float) -> Reference:
-    """The shape at a phase whose rate grows from 0 within ``RAMP_S`` (quintic smooth step), by the chain rule."""
-    s = min(max(t, 0.0) / RAMP_S, 1.0)
-    share = 10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5
-    area_s = RAMP_S * (2.5 * s**4 - 3.0 * s**5 + s**6) + max(0.0, t - RAMP_S)
-    w = rate_rad_s * share
-    w1 = rate_rad_s * 30.0 * s**2 * (1.0 - s) ** 2 / RAMP_S
-    w2 = rate_rad_s * 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / RAMP_S**2
+    """The shape at a phase whose rate grows from 0 within ``RAMP_S``, by the chain rule."""
+    area_s, share, slope_1_s, bend_1_s2 = _ramp(t)
+    w, w1, w2 = rate_rad_s * share, rate_rad_s * slope_1_s, rate_rad_s * bend_1_s2
     p, d1, d2, d3 = shape.at(rate_rad_s * area_s)
     return Reference(
         t,
@@ -112,6 +118,15 @@ def _along(shape: Shape, offset: Vec3, t: float, rate_rad_s: float, yaw_rate_rad
         wrap_pi(yaw_rate_rad_s * area_s),
         yaw_rate_rad_s * share,
     )
+
+
+def _ramp(t: float) -> tuple[float, float, float, float]:
+    """A quintic smooth step from 0 to 1 within ``RAMP_S``: its integral, itself, its first two derivatives."""
+    s = min(max(t, 0.0) / RAMP_S, 1.0)
+    share = 10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5
+    area_s = RAMP_S * (2.5 * s**4 - 3.0 * s**5 + s**6) + max(0.0, t - RAMP_S)
+    slope = 30.0 * s**2 * (1.0 - s) ** 2 / RAMP_S
+    return area_s, share, slope, 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / RAMP_S**2
 
 
 def _sum(*terms: tuple[Vec3, float]) -> Vec3:

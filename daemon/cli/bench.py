@@ -125,6 +125,28 @@ def _tell(run: "Run") -> None:
 
 
 @bench_app.command()
+def resets(
+    seeds: Annotated[int, typer.Option(help="How many noises every flight is flown in.", min=1, max=100)] = 1,
+    out: Annotated[Path | None, typer.Option(help="File for the JSON.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Reset the simulated PX4's estimate in flight, under flightd's law and the one of mavros_controllers.
+
+    How far the vehicle departs from its twin of the same seed without a reset. In virtual time, half a minute a seed.
+
+    Example: flightd bench resets --seeds 3
+    """
+    from daemon import logs
+    from daemon.bench import resets as benchmark
+
+    logs.configure("error")
+    figures = [one for seed in range(3, 3 + seeds) for one in benchmark.flown(seed=seed)]
+    if out is not None:
+        out.write_text(json.dumps(benchmark.as_json(figures), indent=1) + "\n")
+    typer.echo(json.dumps(benchmark.as_json(figures)) if as_json else benchmark.table(figures))
+
+
+@bench_app.command()
 def plan(
     rounds: Annotated[int, typer.Option(help="How often each goal is planned.", min=1, max=10000)] = 200,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
