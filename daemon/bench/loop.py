@@ -21,13 +21,13 @@ from typing import Any
 
 from daemon.bench.quantiles import quantile
 from daemon.goals.client import FlightClient
-from daemon.goals.client_errors import FlightError
+from daemon.goals.client_errors import NoDaemonError
 from daemon.sim.metronome import NUMBERS
 
 SUBSCRIBERS = 5
-_TOPICS = ("telemetry.state", "telemetry.loops")
+_TOPICS = ("state", "loops")
 _PATIENCE_S = 45.0
-_START_S = 2.5  # the daemon's, until its socket is there
+_AGAIN_S = 0.3  # between tries to connect
 _ROOT = Path(__file__).resolve().parent.parent.parent
 _LOAD = "while True: pass"
 Figures = dict[str, Any]
@@ -105,7 +105,7 @@ async def _flown(
 ) -> tuple[Figures, Figures]:
     """What the flight's process said at its end, and the autopilot's log."""
     port, path = free_port(), folder / "flightd.sock"
-    notes = folder / "autopilot.json"
+    notes, received = folder / "autopilot.json", [0] * SUBSCRIBERS
     if flight.loaded:
         await stack.enter_async_context(process([sys.executable, "-c", _LOAD]))
     if flight.client:
@@ -119,9 +119,11 @@ async def _flown(
         process([flight.python, *arguments], folder / "said") as running,
     ):
         if flight.recorded:
-            subscribers = asyncio.create_task(_subscribe(path))
+            subscribers = asyncio.create_task(_subscribe(path, received))
             stack.callback(subscribers.cancel)
         await asyncio.wait_for(running.wait(), seconds + _PATIENCE_S)
+    if flight.recorded and (min(received) == 0 or not any((folder / "record").iterdir())):
+        raise ValueError(f"not recorded, or not sent to all subscribers: {received}")
     lines = [line for line in (folder / "said").read_text().splitlines() if line.startswith("{")]
     if not lines:
         raise ValueError(f"nothing said: {(folder / 'said.err').read_text()[-200:]}")
@@ -177,15 +179,18 @@ def _delays(
     return delays, overtaken
 
 
-async def _subscribe(path: Path) -> None:
-    async def one() -> None:
-        async with FlightClient(path, reconnect_s=_PATIENCE_S) as client:
-            async for _ in client.telemetry(*_TOPICS, rate_hz=20.0):
-                pass
+async def _subscribe(path: Path, received: list[int]) -> None:
+    """As many subscribers as ``received`` has counters, each on a connection of its own."""
 
-    await asyncio.sleep(_START_S)
-    with contextlib.suppress(FlightError, OSError):
-        await asyncio.gather(*(one() for _ in range(SUBSCRIBERS)))
+    async def one(index: int) -> None:
+        while True:
+            with contextlib.suppress(NoDaemonError):  # it is not up yet
+                async with FlightClient(path) as client:
+                    async for _ in client.telemetry(*_TOPICS, rate_hz=20.0):
+                        received[index] += 1
+            await asyncio.sleep(_AGAIN_S)
+
+    await asyncio.gather(*(one(index) for index in range(len(received))))
 
 
 @contextlib.asynccontextmanager
