@@ -88,6 +88,10 @@ class Cockpit:
         """What the autopilot says of itself."""
         return self._autopilot.status.value
 
+    def listen(self, listener: Callable[[Inputs, Record], None]) -> None:
+        """Call it after each tick from now on."""
+        self._control.listeners.append(listener)
+
     async def run(self) -> None:
         """Run link and control until cancelled."""
         async with asyncio.TaskGroup() as tasks:

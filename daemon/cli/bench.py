@@ -147,6 +147,23 @@ def resets(
 
 
 @bench_app.command()
+def estimators(
+    rounds: Annotated[int, typer.Option(help="Rounds through all estimators; the best is reported.", min=1)] = 5,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Time a tick of each estimator on the telemetry of a simulated flight.
+
+    Example: flightd bench estimators --rounds 3
+    """
+    from daemon import logs
+    from daemon.bench import estimators as benchmark
+
+    logs.configure("error")
+    costs = benchmark.measured(benchmark.recorded(), rounds)
+    typer.echo(json.dumps(benchmark.as_json(costs)) if as_json else benchmark.table(costs))
+
+
+@bench_app.command()
 def plan(
     rounds: Annotated[int, typer.Option(help="How often each goal is planned.", min=1, max=10000)] = 200,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
