@@ -1,6 +1,7 @@
 """PX4 speaking to people: EVENT messages, and their STATUSTEXT twins on links where a ground station is heard.
 
-Ids (hashes of the events' names), log levels and the layout of the arguments are those in recordings of PX4 1.17.
+Ids (FNV-1a hashes of the events' names: libevents), log levels and arguments are those in recordings of PX4 1.17, or,
+for Descend and the kill switch, those of ``FailsafeBase::notifyUser`` and ``Commander::executeActionRequest``.
 """
 
 from collections.abc import Callable
@@ -26,7 +27,10 @@ EVENTS: dict[str, tuple[int, int, str, int]] = {
     "manual_control_lost": (22400324, 102, "", 6),
     "failsafe": (31382480, 66, "Failsafe activated", 2),
     "failsafe_hold": (30481910, 66, "Failsafe activated: entering Hold for 5 seconds", 2),
+    "failsafe_disengaged": (29547634, 66, "Failsafe activated", 2),
     "failsafe_because": (26528394, 66, "Failsafe activated", 2),
+    "kill_engaged": (28067779, 98, "Kill engaged", 2),
+    "kill_disengaged": (33459871, 102, "Kill disengaged", 6),
     "pilot_took_over": (17738815, 102, "", 6),
     "return_start": (22161044, 102, "RTL: start return", 6),
     "return_land": (16962474, 102, "RTL: land at destination", 6),
@@ -62,6 +66,7 @@ ACTION = {
     FlightMode.RETURN: 6,
     FlightMode.LAND: 7,
 }
+DESCEND_ACTION = 8
 
 
 def mode_argument(mode: FlightMode) -> bytes:

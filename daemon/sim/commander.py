@@ -5,16 +5,18 @@ from collections.abc import Callable
 from typing import Any
 
 from daemon.messages import FlightMode, LandedState, SystemStatus
-from daemon.sim.announcer import ACTION, Announcer, mode_argument
+from daemon.sim.announcer import ACTION, DESCEND_ACTION, Announcer, mode_argument
 from daemon.sim.commands import Command, execute
-from daemon.sim.failsafe import Action, BatteryWarning, can_run, decide
+from daemon.sim.failsafe import BatteryWarning, Cause, can_run
+from daemon.sim.failsafe_state import FailsafeState
 from daemon.sim.health_monitor import NO_ARMING, HealthMonitor, Inputs
 from daemon.sim.land_detector import LandDetector
 from daemon.sim.parameters import Parameters
 
 _CHECK_TICKS = 10  # health checks run at 10 Hz
 _PASSING = frozenset((FlightMode.TAKEOFF, FlightMode.LAND, FlightMode.RETURN))
-_BY_EXTERNAL_COMMAND, _BY_LANDING, _BY_INACTION, _BY_KILL = 4, 6, 7, 5
+_BY_EXTERNAL_COMMAND, _BY_LANDING, _BY_INACTION, _BY_KILL = 4, 6, 7, 8  # VehicleStatus.msg
+_AUTOPILOT_STAYS = frozenset((FlightMode.POSITION, FlightMode.HOLD, FlightMode.RETURN, FlightMode.LAND))
 
 
 class Commander:
@@ -37,7 +39,7 @@ class Commander:
         self.descending = self.landing_at_home = False
         self.armed = False
         self.killed = False
-        self.action = Action()
+        self.failsafe = FailsafeState(parameters)
         self.takeoff_altitude_amsl_m: float | None = None
         self.commands: deque[Command] = deque()
         self.refused_modes: set[FlightMode] = set()
@@ -45,9 +47,8 @@ class Commander:
         self.silent = False  # takes commands but acknowledges none
         self.changed = True  # vehicle_status was published
         self._ticks = 0
-        self._armed_s = self._landed_s = self._killed_s = self._acting_s = 0.0
+        self._armed_s = self._landed_s = self._killed_s = 0.0
         self._flown = False
-        self._taken_over: str = ""
 
     @property
     def landed_state(self) -> LandedState:
@@ -73,7 +74,7 @@ class Commander:
         if self.killed:
             return SystemStatus.FLIGHT_TERMINATION
         if self.armed:
-            return SystemStatus.CRITICAL if self.action.mode is not None else SystemStatus.ACTIVE
+            return SystemStatus.CRITICAL if self.failsafe.flown is not None else SystemStatus.ACTIVE
         return SystemStatus.STANDBY if self.can_arm else SystemStatus.UNINIT
 
     @property
@@ -104,13 +105,14 @@ class Commander:
     # -- modes
 
     def request_mode(self, mode: FlightMode) -> bool:
-        """A user asks for a mode: always taken while disarmed, else only when it can run."""
-        if mode in self.refused_modes or (self.armed and not can_run(mode, self.monitor.health)):
+        """A user asks for a mode: always taken while disarmed, Land always, else only when it can run."""
+        forced = not self.armed or mode is FlightMode.LAND  # without a position that becomes Descend
+        if mode in self.refused_modes or not (forced or can_run(mode, self.monitor.health)):
             return False
-        if self.action.mode is not None:
-            self._taken_over = self.action.cause
-            if mode is not self.intended and self.action.cause == "manual_control":
-                self.announcer.say("pilot_took_over")
+        action = self.failsafe.action
+        if action.mode is not None and action.cause is Cause.MANUAL_CONTROL and mode is not self.intended:
+            self.announcer.say("pilot_took_over")
+        self.failsafe.taken_over(self.monitor.health)
         self.takeoff_altitude_amsl_m = None
         self._intend(mode)
         return True
@@ -124,23 +126,18 @@ class Commander:
         self.intended = mode
         if mode not in _PASSING:
             self._mode_after_disarming = mode
-        self._fly(mode, self._taken_over_action())
+        self._fly(mode)
 
-    def _taken_over_action(self) -> Action:
-        return Action() if self._taken_over or self.action.mode is None else self.action
-
-    def _fly(self, mode: FlightMode, action: Action) -> None:
-        self.action = action
-        self.descending = action.descend
+    def _fly(self, mode: FlightMode, *, descend: bool = False) -> None:
+        self.mode, self.descending = mode, descend
         self.landing_at_home = False
-        self.mode = mode
         self.changed = True
 
     def _follow_task(self) -> None:
         """Take-off ends in Hold, the way home in a landing."""
         if not self.inputs.task_finished:
             return
-        if self.mode is FlightMode.TAKEOFF and self.action.mode is None:
+        if self.mode is FlightMode.TAKEOFF and self.failsafe.flown is None:
             self._intend(FlightMode.HOLD)
         elif self.mode is FlightMode.RETURN and not self.landing_at_home:
             self.landing_at_home = True
@@ -151,53 +148,34 @@ class Commander:
     def _fail_safe(self, dt_s: float) -> None:
         if not self.armed:
             return
-        p = self._parameters
-        action = decide(
-            self.intended,
-            self.monitor.health,
-            offboard_loss=int(p["COM_OBL_RC_ACT"]),
-            manual_loss=int(p["NAV_RCL_ACT"]),
-            low_battery=int(p["COM_LOW_BAT_ACT"]),
-        )
-        if action.cause != self._taken_over:
-            self._taken_over = ""
-        elif action.cause:
-            return
-        if action.mode is None:
-            if self.action.mode is not None:
-                self._fly(self.intended, Action())
-            return
-        self._acting_s = self._acting_s + dt_s if self.action.mode is not None else 0.0
-        if self.action.mode is None:
-            self._enter(action)
-            return
-        held = self.mode is FlightMode.HOLD and self.action.delayed
-        if self._acting_s >= self._hold_s(action) and (held or action != self.action):
-            self._carry_out(action)
+        failsafe = self.failsafe
+        before, held = failsafe.flown, failsafe.holding
+        failsafe.step(self.intended, self.monitor.health, dt_s)
+        mode, descend = failsafe.flown, failsafe.action.descend and not failsafe.holding
+        if mode is None:
+            if before is not None:
+                self._fly(self.intended)
+        elif mode is not before or descend != self.descending:
+            self._announce_failsafe(mode, descend)
+            if mode is not self.mode or descend != self.descending:
+                self._fly(mode, descend=descend)
+            if mode is FlightMode.RETURN and not held:
+                self.announcer.say("return_start")
 
-    def _hold_s(self, action: Action) -> float:
-        return self._parameters["COM_FAIL_ACT_T"] if action.delayed else 0.0
-
-    def _enter(self, action: Action) -> None:
+    def _announce_failsafe(self, mode: FlightMode, descend: bool) -> None:
+        action = self.failsafe.action
         assert action.mode is not None
-        if action.delayed and self._hold_s(action) > 0.0:
-            cause = 4 if action.cause.startswith("battery") else 1
-            arguments = mode_argument(self.intended) + bytes([ACTION[action.mode], 5, 0, cause])
-            self.announcer.say("failsafe_hold", arguments)
-            self._fly(FlightMode.HOLD, action)
+        intended, number = mode_argument(self.intended), ACTION[action.mode]
+        if self.failsafe.holding:
+            delay_s = round(self._parameters["COM_FAIL_ACT_T"]).to_bytes(2, "little")
+            self.announcer.say("failsafe_hold", intended + bytes([number]) + delay_s + bytes([action.cause]))
+        elif action.cause is not Cause.GENERIC:
+            self.announcer.say("failsafe_because", intended + bytes([number, action.cause]))
+        elif descend and mode is FlightMode.LAND:
+            self.announcer.say("failsafe_disengaged", intended + bytes([DESCEND_ACTION]))
         else:
-            self.announcer.say("failsafe", mode_argument(self.intended) + bytes([ACTION[action.mode]]))
-            self._fly(action.mode, action)
-        if self.mode is FlightMode.RETURN:
-            self.announcer.say("return_start")
-
-    def _carry_out(self, action: Action) -> None:
-        assert action.mode is not None
-        self.action = action
-        if self.mode is action.mode and self.descending == action.descend:
-            return
-        self.announcer.say("failsafe_because", mode_argument(self.intended) + bytes([ACTION[action.mode], 5]))
-        self._fly(action.mode, action)
+            is_manned = mode not in _AUTOPILOT_STAYS
+            self.announcer.say("failsafe_disengaged" if is_manned else "failsafe", intended + bytes([number]))
 
     # -- ground
 
@@ -228,7 +206,7 @@ class Commander:
         self._armed_s += dt_s
         if self._flown and self._landed_s >= p["COM_DISARM_LAND"] > 0.0:
             self.disarm(_BY_LANDING)
-        elif not self._flown and self._armed_s >= p["COM_DISARM_PRFLT"] > 0.0:
+        elif not self._flown and self._armed_s >= p["COM_SPOOLUP_TIME"] + p["COM_DISARM_PRFLT"] > p["COM_SPOOLUP_TIME"]:
             self.disarm(_BY_INACTION)
 
     # -- arming
@@ -238,9 +216,8 @@ class Commander:
         if not self.armed and not self.can_arm:
             self.announcer.say("arm_denied")
             return False
-        self._armed_s = 0.0
         if not self.armed:
-            self.armed, self._flown, self._landed_s = True, False, 0.0
+            self.armed, self._flown, self._armed_s, self._landed_s = True, False, 0.0, 0.0
             self.announcer.say("armed_by", bytes([_BY_EXTERNAL_COMMAND]))
             self.changed = True
         return True
@@ -256,15 +233,16 @@ class Commander:
             return
         self.armed = False
         self.announcer.say("disarmed_by", bytes([by]))
-        self._taken_over = ""
-        self.action = Action()
+        self.failsafe.cleared()
         if by != _BY_EXTERNAL_COMMAND or self._flown:
             self.intended = self._mode_after_disarming
-        self._fly(self.intended, Action())
+        self._fly(self.intended)
         self.monitor.battery_warning = BatteryWarning.NONE
 
     def kill(self, on: bool) -> None:
-        """The kill switch: motors stop at once, disarmed after COM_KILL_DISARM."""
+        """The kill switch: motors stop at once, disarmed after COM_KILL_DISARM (``Commander::handleAutoDisarm``)."""
+        if on is not self.killed:
+            self.announcer.say("kill_engaged" if on else "kill_disengaged")
         self.killed, self._killed_s = on, 0.0
 
     def acknowledge(self, command: Command, result: int) -> None:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from daemon.sim.commander import Commander
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
+_GROUND_STATION = 190  # component id: only to it is a refused mode explained (``Commander::handle_command``)
 _FORCE = 21196  # MAV_CMD_COMPONENT_ARM_DISARM: disarm in the air
 
 
@@ -33,23 +34,25 @@ def integer(value: float) -> int:
 def execute(commander: "Commander", command: Command) -> int:
     """Carry a command out; its MAV_RESULT."""
     handler = _HANDLERS.get(command.number)
-    return handler(commander, command.parameters) if handler is not None else UNSUPPORTED
+    return handler(commander, command) if handler is not None else UNSUPPORTED
 
 
-def _do_set_mode(commander: "Commander", p: tuple[float, ...]) -> int:
+def _do_set_mode(commander: "Commander", command: Command) -> int:
+    p = command.parameters
     mode = from_numbers(integer(p[1]), integer(p[2]))
     if mode is None:
         commander.announcer.say("unsupported_main_mode")
         return TEMPORARILY_REJECTED
     if commander.request_mode(mode):
         return ACCEPTED
-    if mode is not FlightMode.OFFBOARD:
+    if command.sender[1] == _GROUND_STATION:
         arguments = mode_argument(mode) + bytes([ACTION.get(mode, 0)])
         commander.announcer.say("mode_not_available", arguments, mode.value.capitalize())
     return TEMPORARILY_REJECTED
 
 
-def _do_arm(commander: "Commander", p: tuple[float, ...]) -> int:
+def _do_arm(commander: "Commander", command: Command) -> int:
+    p = command.parameters
     if p[0] == 1.0:
         return ACCEPTED if commander.arm() else TEMPORARILY_REJECTED
     if (
@@ -63,33 +66,34 @@ def _do_arm(commander: "Commander", p: tuple[float, ...]) -> int:
     return ACCEPTED
 
 
-def _do_takeoff(commander: "Commander", p: tuple[float, ...]) -> int:
+def _do_takeoff(commander: "Commander", command: Command) -> int:
+    altitude_m = command.parameters[6]
     if not commander.request_mode(FlightMode.TAKEOFF):
         return TEMPORARILY_REJECTED
-    commander.takeoff_altitude_amsl_m = p[6] if isfinite(p[6]) else None
+    commander.takeoff_altitude_amsl_m = altitude_m if isfinite(altitude_m) else None
     return ACCEPTED
 
 
-def _do_land(commander: "Commander", _: tuple[float, ...]) -> int:
+def _do_land(commander: "Commander", _: Command) -> int:
     if not commander.request_mode(FlightMode.LAND):
         return TEMPORARILY_REJECTED
     commander.announcer.say("landing_here")
     return ACCEPTED
 
 
-def _do_return(commander: "Commander", _: tuple[float, ...]) -> int:
+def _do_return(commander: "Commander", _: Command) -> int:
     if not commander.request_mode(FlightMode.RETURN):
         return TEMPORARILY_REJECTED
     commander.announcer.say("return_start")
     return ACCEPTED
 
 
-def _do_checks(commander: "Commander", _: tuple[float, ...]) -> int:
+def _do_checks(commander: "Commander", _: Command) -> int:
     commander.announcer.report_checks(commander.monitor.failing)
     return ACCEPTED
 
 
-_HANDLERS: dict[int, Callable[["Commander", tuple[float, ...]], int]] = {
+_HANDLERS: dict[int, Callable[["Commander", Command], int]] = {
     20: _do_return,
     21: _do_land,
     22: _do_takeoff,

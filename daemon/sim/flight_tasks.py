@@ -6,7 +6,7 @@ alone: against linear drag PX4's velocity integral needs some seconds, and the r
 """
 
 from dataclasses import dataclass
-from math import copysign, hypot, nan, radians
+from math import copysign, hypot, nan, radians, tan
 
 from daemon.frames import add, clamp, from_rpy, rotate_about_down, wrap_pi, yaw_of
 from daemon.messages import ZERO3, FlightMode, Setpoint, Vec3
@@ -23,7 +23,6 @@ _STICK_SPEED_M_S = 10.0  # MPC_VEL_MANUAL
 _STICK_YAW_RATE_RAD_S = radians(150.0)  # MPC_MAN_Y_MAX
 _STICK_TILT_RAD = radians(35.0)  # MPC_MAN_TILT_MAX
 _STICK_RATE_RAD_S = radians(100.0)  # MC_ACRO_R_MAX
-_ARRIVED_M, _ARRIVED_M_S = 0.8, 0.8
 _LANDS_AFTER_S = 0.05  # recorded: near home Return turns into a landing after 50 to 60 ms
 _FAR_M = 100.0
 _TAKEOFF_THROTTLE = 0.6
@@ -52,7 +51,6 @@ class FlightTasks:
         self._target: Vec3 = ZERO3
         self._yaw = 0.0
         self._since_s = 0.0
-        self._lands_at_once = False
         self.home_ned_m: Vec3 = ZERO3
         self.finished = False
         self.sticks = Sticks()
@@ -64,7 +62,7 @@ class FlightTasks:
         if mode not in (FlightMode.HOLD, FlightMode.LAND, FlightMode.RETURN) or self._mode == FlightMode.OFFBOARD:
             self._control.restart()
         climbed = self._mode is FlightMode.TAKEOFF and mode is FlightMode.HOLD and self.finished
-        is_home = self._mode is FlightMode.RETURN and mode is FlightMode.LAND and not self._lands_at_once
+        is_home = self._mode is FlightMode.RETURN and mode is FlightMode.LAND and self.finished
         self._mode = mode
         self._reference, self._speed = estimate.position_ned_m, estimate.velocity_ned_m_s
         self._yaw = yaw_of(estimate.attitude_wb)
@@ -106,9 +104,9 @@ class FlightTasks:
         tilt = radians(self._parameters["MPC_TILTMAX_AIR"])
         if self._mode in (FlightMode.POSITION, FlightMode.ALTITUDE):
             return self._control.run(self._stick_velocity(estimate), estimate, tilt)
-        if self._mode is FlightMode.UNKNOWN:  # Descend: level, down at the landing speed, no position
-            self._yaw = yaw_of(estimate.attitude_wb)
-            down = Wanted((nan, nan, nan), (*estimate.velocity_ned_m_s[:2], self._sink(height_m)), self._yaw)
+        if self._mode is FlightMode.UNKNOWN:  # FlightTaskDescend: level, down at the landing speed, heading kept
+            sink_m_s = self._parameters["MPC_LAND_SPEED"]
+            down = Wanted((nan, nan, nan), (*estimate.velocity_ned_m_s[:2], sink_m_s), self._yaw)
             return self._control.run(down, estimate, 0.0)
         if self._mode is FlightMode.LAND:
             down_m = estimate.position_ned_m[2]
@@ -138,23 +136,29 @@ class FlightTasks:
         return self._control.run(Wanted(self._reference, self._speed, self._yaw), estimate, tilt)
 
     def _go_home(self, estimate: Estimate) -> None:
-        """Climb on a cone of 45 degrees about home (RTL_CONE_ANG), fly there, hand over to landing."""
+        """Climb (``RTL::computeReturnAltitude``), fly home, hand over to landing (``RtlDirect``)."""
         position, home, p = estimate.position_ned_m, self.home_ned_m, self._parameters
         away_m = hypot(position[0] - home[0], position[1] - home[1])
         if self._since_s < 1.5 * STEP_S:
-            self._lands_at_once = away_m < p["RTL_MIN_DIST"]
-            top = home[2] - min(p["RTL_RETURN_ALT"], max(away_m, p["RTL_MIN_DIST"]))
-            self._target = (self._target[0], self._target[1], min(top, position[2]))
-        if self._lands_at_once:
-            self.finished = self._since_s > _LANDS_AFTER_S
-        elif position[2] < self._target[2] + _ALTITUDE_RADIUS_M:
+            top = min(home[2] - self._return_altitude_m(away_m), position[2])
+            self._target = (self._target[0], self._target[1], top)
+        if position[2] < self._target[2] + _ALTITUDE_RADIUS_M:
             self._target = (home[0], home[1], self._target[2])
-            slow = hypot(estimate.velocity_ned_m_s[0], estimate.velocity_ned_m_s[1]) < _ARRIVED_M_S
-            self.finished = away_m < _ARRIVED_M and slow
+            self.finished = away_m <= p["NAV_ACC_RAD"] and self._since_s > _LANDS_AFTER_S
         self._advance(p["MPC_XY_CRUISE"], p["MPC_Z_VEL_MAX_UP"])
 
+    def _return_altitude_m(self, away_m: float) -> float:
+        """Above home: RTL_RETURN_ALT far off; within RTL_MIN_DIST a cone, but at least twice the acceptance radius."""
+        p = self._parameters
+        if away_m <= p["NAV_ACC_RAD"]:
+            return min(2.0 * away_m, p["RTL_RETURN_ALT"])
+        if away_m > p["RTL_MIN_DIST"]:
+            return p["RTL_RETURN_ALT"]
+        cone_m = away_m / tan(radians(p["RTL_CONE_ANG"]))
+        return min(max(cone_m, 2.0 * p["NAV_ACC_RAD"]), p["RTL_RETURN_ALT"])
+
     def _sink(self, height_m: float) -> float:
-        """Landing speed: fast above 10 m, MPC_LAND_SPEED below 5 m, crawling below 1 m."""
+        """Landing speed (``FlightTaskAuto::_prepareLandSetpoints``): slower near ground."""
         high, low, crawl = _LAND_ALTITUDES_M
         if height_m < crawl:
             return self._parameters["MPC_LAND_CRWL"]

@@ -53,7 +53,8 @@ class HealthMonitor:
         seen, p = self._inputs, self._parameters
         uses_sticks = p["COM_RC_IN_MODE"] != 4
         sticks = uses_sticks and seen.sticks_age_s < p["COM_RC_LOSS_T"]
-        self._sticks_seen = uses_sticks and (self._sticks_seen or sticks)
+        # sticks that were lost before arming are optional until they come back (Failsafe::updateArmingState)
+        self._sticks_seen = uses_sticks and (sticks or (self._sticks_seen and armed))
         lost = self._sticks_seen and not sticks
         if lost and not self.health.manual_control_lost:
             self._announcer.say("manual_control_lost")

@@ -5,7 +5,7 @@ acceleration to thrust vector and heading, tilt limit, quaternion attitude P. Ru
 """
 
 from dataclasses import dataclass
-from math import asin, atan2, hypot, isfinite, radians, sqrt, tan
+from math import asin, atan2, hypot, isfinite, radians, sin, sqrt, tan
 
 from daemon.frames import add, clamp, from_rpy, from_yaw, rotate, rotate_inverse, scale, wrap_pi, yaw_of
 from daemon.messages import ZERO3, Quat, Setpoint, Vec3
@@ -16,7 +16,8 @@ _POSITION_P = (0.95, 0.95, 1.0)
 _VELOCITY_P = (1.8, 1.8, 4.0)
 _VELOCITY_I = (0.4, 0.4, 2.0)
 _VELOCITY_D = (0.2, 0.2, 0.0)
-_ATTITUDE_P = (6.5, 6.5, 2.8)
+_ATTITUDE_P = (4.0, 4.0, 2.8)  # MC_ROLL_P, MC_PITCH_P, MC_YAW_P
+_YAW_WEIGHT = 0.4  # MC_YAW_WEIGHT
 _RATE_LIMIT_RAD_S = (radians(220.0), radians(220.0), radians(200.0))
 _INTEGRAL_LIMIT_M_S2 = 8.0
 
@@ -92,7 +93,7 @@ def attitude_of(thrust_direction_ned: Vec3, yaw_rad: float) -> Quat:
 
 
 def attitude_rates(wanted_wb: Quat, attitude_wb: Quat) -> Vec3:
-    """PX4's attitude P: thrust axis at full gain, heading about it at its own."""
+    """PX4's attitude P (``AttitudeControl::update``): thrust axis at full gain, heading about it at its own."""
     tilt_error, yaw_error = _split(wanted_wb, attitude_wb)
     rates = add(
         (_ATTITUDE_P[0] * tilt_error[0], _ATTITUDE_P[1] * tilt_error[1], 0.0),
@@ -103,9 +104,10 @@ def attitude_rates(wanted_wb: Quat, attitude_wb: Quat) -> Vec3:
 
 
 def _split(wanted_wb: Quat, attitude_wb: Quat) -> tuple[Vec3, float]:
-    """Shortest turn of the thrust axis (body frame, about x and y) and the error of the heading."""
+    """Shortest turn of the thrust axis (body frame, about x and y) and the error of the heading, as 2 sin(half)."""
     zx, zy, zz = rotate_inverse(attitude_wb, rotate(wanted_wb, (0.0, 0.0, 1.0)))
     sine = hypot(zx, zy)
     angle = atan2(sine, zz)
-    factor = angle / sine if sine > 1e-9 else (1.0 if zz > 0.0 else 0.0)
-    return (-zy * factor, zx * factor, 0.0), wrap_pi(yaw_of(wanted_wb) - yaw_of(attitude_wb))
+    factor = 2.0 * sin(0.5 * angle) / sine if sine > 1e-9 else (1.0 if zz > 0.0 else 0.0)
+    yaw = wrap_pi(yaw_of(wanted_wb) - yaw_of(attitude_wb))
+    return (-zy * factor, zx * factor, 0.0), 2.0 * sin(0.5 * _YAW_WEIGHT * yaw) / _YAW_WEIGHT

@@ -1,8 +1,9 @@
 """PX4's inner loop: gyro low-pass, rate controller, control allocation. Runs with each simulation step.
 
-Structure and defaults of PX4 1.17: ``RateControl`` (PID on the filtered gyro), IMU_GYRO_CUTOFF, IMU_DGYRO_CUTOFF,
-MC_YAW_TQ_CUTOFF, ``ControlAllocationPseudoInverse`` with its normalized matrix (roll and pitch columns 1/sqrt 2,
-yaw columns 1, on a four-rotor x).
+Structure and defaults of PX4 1.17: ``RateControl::update`` (PID on the filtered gyro, the integral waits while landed),
+``MulticopterRateControl::Run`` (a setpoint that is not finite is the rate itself), IMU_GYRO_CUTOFF, IMU_DGYRO_CUTOFF,
+MC_YAW_TQ_CUTOFF, ``ControlAllocationPseudoInverse`` with its normalized matrix (roll and pitch columns 1/sqrt 2, yaw
+columns 1, on a four-rotor x). Saturation is simpler than in ``ControlAllocationSequentialDesaturation``.
 """
 
 from math import copysign, isfinite, pi, sqrt, tan
@@ -13,7 +14,7 @@ from daemon.sim.airframe import Airframe
 
 STEP_S = 0.004
 GYRO_CUTOFF_HZ = 40.0
-GYRO_DERIVATIVE_CUTOFF_HZ = 30.0
+GYRO_DERIVATIVE_CUTOFF_HZ = 20.0
 _INTEGRAL_FADE_RAD_S = 400.0 * pi / 180.0  # the integral stops growing at this error
 
 
@@ -48,7 +49,7 @@ class LowPass3:
 
 
 class RateLoop:
-    """Rates and collective thrust in, rotor signals out; a NaN rate leaves its axis without torque, as in PX4."""
+    """Rates and collective thrust in, rotor signals out."""
 
     def __init__(self, airframe: Airframe, thrust_model_factor: float) -> None:
         self._gains = airframe.rate_gains
@@ -85,16 +86,13 @@ class RateLoop:
         if not isfinite(thrust):
             return self.stop()
         gains, rates, slopes = self._gains, self._gyro.value, self._derivative.value
-        if on_ground:
-            self._integral = ZERO3
-        torque, integral = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+        torque, integral = [0.0, 0.0, 0.0], list(self._integral)
         for i in range(3):
             setpoint = rates_rad_s[i]
-            if not isfinite(setpoint):
-                continue
-            error = setpoint - rates[i]
-            torque[i] = gains.p[i] * error + self._integral[i] - gains.d[i] * slopes[i]
-            integral[i] = self._integrated(i, error) if not on_ground else 0.0
+            error = setpoint - rates[i] if isfinite(setpoint) else 0.0
+            torque[i] = gains.p[i] * error + integral[i] - gains.d[i] * slopes[i]
+            if not on_ground:
+                integral[i] = self._integrated(i, error)
         self._integral = (integral[0], integral[1], integral[2])
         self._yaw_torque += (torque[2] - self._yaw_torque) * self._yaw_share
         return self._allocate(torque[0], torque[1], self._yaw_torque, clamp(thrust, 0.0, 1.0))

@@ -7,12 +7,12 @@ from daemon.frames import rotate_inverse
 from daemon.messages import GlobalPosition, Vec3
 from daemon.sim.vehicle import VehicleState
 
-# Standard deviations per sample (SIH: rad/s and m/s^2, axes differ in flight)
+# Standard deviations per sample, rad/s and m/s^2 (``Sih::reconstruct_sensors_signals``)
 _GYRO_FLYING = (0.14, 0.07, 0.03)
-_GYRO_REST = 0.009
-_IMU_GYRO_SHARE = 0.72  # HIGHRES_IMU is integrated over several samples
-_ACCELEROMETER_FLYING = (0.36, 1.22, 0.97)
-_ACCELEROMETER_REST = 0.071
+_GYRO_REST = 0.01
+_ACCELEROMETER_FLYING = (0.5, 1.7, 1.4)
+_ACCELEROMETER_REST = 0.1
+_IMU_SHARE = 0.71  # HIGHRES_IMU is the mean of two samples (recorded)
 _MAGNETIC_FIELD_NED_GAUSS = (0.2155, 0.0136, 0.4280)
 _MAGNETOMETER_STD_GAUSS = 0.012
 _EARTH_RADIUS_M = 6371000.0  # PX4 projects on a sphere (MapProjection)
@@ -42,8 +42,8 @@ class Sensors:
             return force, rates, field
         resting = truth.on_ground
         return (
-            self._noisy(force, (_ACCELEROMETER_REST,) * 3 if resting else _ACCELEROMETER_FLYING, 1.0),
-            self._noisy(rates, (_GYRO_REST,) * 3 if resting else _GYRO_FLYING, _IMU_GYRO_SHARE),
+            self._noisy(force, (_ACCELEROMETER_REST,) * 3 if resting else _ACCELEROMETER_FLYING, _IMU_SHARE),
+            self._noisy(rates, (_GYRO_REST,) * 3 if resting else _GYRO_FLYING, _IMU_SHARE),
             self._noisy(field, (_MAGNETOMETER_STD_GAUSS,) * 3, 1.0),
         )
 

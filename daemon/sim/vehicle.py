@@ -12,7 +12,7 @@ from daemon.frames import integrate, rotate_inverse, subtract
 from daemon.messages import IDENTITY, ZERO3, Quat, Vec3
 from daemon.sim.airframe import Airframe
 
-SIM_GRAVITY_M_S2 = 9.81  # as PX4's SIH has it, not the standard 9.80665
+SIM_GRAVITY_M_S2 = 9.81  # PX4's SIH has it by latitude, 9.807 at its home (``Sih::computeGravity``)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +79,7 @@ def step(
 
 
 def _resting(state: VehicleState, signals: tuple[float, ...], surroundings: Surroundings) -> VehicleState:
-    """On the ground nothing moves or turns, as in PX4's SIH; a hard landing stays as tilted as it came."""
+    """On the ground nothing moves or turns (PX4's SIH stops motion only); a hard landing stays as tilted as it came."""
     w, x, y, z = state.attitude_wb
     g = SIM_GRAVITY_M_S2
     force = (-2.0 * (x * z - w * y) * g, -2.0 * (y * z + w * x) * g, -(1.0 - 2.0 * (x * x + y * y)) * g)

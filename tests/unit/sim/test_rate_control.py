@@ -40,7 +40,7 @@ def test_roll_gain_is_that_of_px4s_normalized_allocation():
     assert signals[1] - 0.5 == pytest.approx(0.15 * 0.15 / np.sqrt(2.0), rel=1e-6)
 
 
-def test_a_nan_rate_leaves_its_axis_without_torque_and_a_nan_thrust_stops_the_motors():
+def test_a_nan_rate_asks_for_no_torque_and_a_nan_thrust_stops_the_motors():
     loop = RateLoop(SIH, 0.0)
     assert loop.run((nan, 0.0, nan), 0.4, False) == pytest.approx((0.4,) * 4)
     assert loop.run((1.0, 0.0, 0.0), nan, False) == (0.0,) * 4
@@ -52,12 +52,25 @@ def test_thrust_command_is_linear_in_force_when_the_curve_is_known():
         assert factor * signal**2 + (1.0 - factor) * signal == pytest.approx(0.49)
 
 
-def test_the_integral_takes_out_a_standing_error_and_rests_on_the_ground():
+def test_a_rate_that_is_not_a_number_asks_for_nothing_but_keeps_the_integral():
+    loop = RateLoop(SIH, 0.0)
+    for _ in range(250):
+        loop.run((0.1, 0.0, 0.0), 0.5, False)
+    kept = 0.5 + 0.2 * 0.1 * 1.0 / np.sqrt(2.0)
+    assert loop.run((np.nan, 0.0, 0.0), 0.5, False)[1] == pytest.approx(kept, rel=1e-3)
+    assert loop.run((np.nan, 0.0, 0.0), 0.5, False)[1] == pytest.approx(kept, rel=1e-3)
+
+
+def test_the_integral_takes_out_a_standing_error_waits_on_the_ground_and_goes_with_disarming():
     loop = RateLoop(SIH, 0.0)
     first = loop.run((0.1, 0.0, 0.0), 0.5, False)[1]
     for _ in range(250):
         later = loop.run((0.1, 0.0, 0.0), 0.5, False)[1]
     assert later - first == pytest.approx(0.2 * 0.1 * 1.0 / np.sqrt(2.0), rel=0.02)
+    for _ in range(250):
+        landed = loop.run((0.1, 0.0, 0.0), 0.5, True)[1]
+    assert landed == pytest.approx(later, rel=1e-3)
+    loop.stop()
     assert loop.run((0.1, 0.0, 0.0), 0.5, True)[1] == pytest.approx(first)
 
 

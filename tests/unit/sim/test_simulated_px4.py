@@ -41,6 +41,14 @@ def named(messages, name):
     return [fields for n, fields in messages if n == name]
 
 
+def event_id(name):
+    """libevents: FNV-1a of the name, 24 bits of it, component 1."""
+    value = 0x811C9DC5
+    for byte in name.encode():
+        value = (value ^ byte) * 0x01000193 % 2**32
+    return value % 2**24 | 1 << 24
+
+
 def flown(seed, noise=True):
     px4 = vehicle(10.0, seed=seed, noise=noise)
     px4.inject(SteadyWind(north_m_s=3.0, turbulence_m_s=1.0))
@@ -104,12 +112,21 @@ def test_gimbal_commands_come_at_a_landing():
     assert numbers == [1001, 1000]
 
 
-def test_return_flies_home_and_lands_there():
-    px4 = vehicle(10.0)
-    px4.truth = type(px4.truth)((30.0, -20.0, -10.0), signals=(0.49,) * 4, on_ground=False)
+@pytest.mark.parametrize(
+    ("place", "top_m"),
+    [((30.0, -20.0, -10.0), 30.0), ((6.0, 0.0, -3.0), 6.0), ((2.5, 0.0, -2.0), 4.0), ((6.0, 0.0, -20.0), 20.0)],
+)
+def test_return_climbs_flies_home_and_lands_there(place, top_m):
+    """RTL::computeReturnAltitude: RTL_RETURN_ALT far off, within RTL_MIN_DIST a cone, never lower than it is."""
+    px4 = vehicle(-place[2])
+    px4.truth = type(px4.truth)(place, signals=(0.49,) * 4, on_ground=False)
     fly(px4, 0.1)
     command(px4, 20)
-    fly(px4, 60.0)
+    highest = 0.0
+    for _ in range(70):
+        fly(px4, 1.0)
+        highest = max(highest, px4.height_m)
+    assert highest == pytest.approx(top_m, abs=0.9)  # NAV_MC_ALT_RAD
     assert px4.truth.on_ground
     assert px4.truth.position_ned_m == pytest.approx((0.0, 0.0, 0.0), abs=0.6)
 
@@ -173,13 +190,19 @@ def test_an_attitude_setpoint_is_flown_as_well_as_rates():
     assert px4.truth.attitude_wb[1] == pytest.approx(0.0872, abs=0.01)
 
 
-def test_killing_in_the_air_drops_and_disarms():
+def test_killing_in_the_air_drops_says_so_and_disarms():
     px4 = vehicle(30.0)
+    fly(px4, 0.1)
     px4.commander.kill(True)
-    fly(px4, 1.0)
+    messages = fly(px4, 1.2)
     assert px4.truth.velocity_ned_m_s[2] > 5.0
-    fly(px4, 5.0)
+    assert named(messages, "HEARTBEAT")[-1]["system_status"] == 8  # MAV_STATE_FLIGHT_TERMINATION
+    assert px4.commander.can_arm is False
+    messages += fly(px4, 5.0)
     assert not px4.armed
+    events = [(event["id"], event["arguments"][0]) for event in named(messages, "EVENT")]
+    killed, disarmed = event_id("commander_kill_sw_engaged"), event_id("commander_disarmed_by")
+    assert [event for event in events if event[0] in (killed, disarmed)] == [(killed, 0), (disarmed, 8)]
 
 
 def test_disarming_in_the_air_needs_force():
@@ -192,9 +215,9 @@ def test_disarming_in_the_air_needs_force():
     assert not px4.armed
 
 
-def test_hold_and_land_are_refused_without_a_position_and_the_vehicle_descends():
-    """PX4's mode requirements: AUTO_LAND and AUTO_LOITER need a local position, Descend does not."""
-    px4 = vehicle(10.0)
+def offboard_without_gps(height_m):
+    """Level in Offboard until PX4 has no position any more."""
+    px4 = vehicle(height_m)
     px4.inject(GpsLoss())
     setpoint = {"target_system": 1, "type_mask": 128, "q": [0.0] * 4, "thrust": 0.4905}
     rates = {"body_roll_rate": 0.0, "body_pitch_rate": 0.0, "body_yaw_rate": 0.0}
@@ -204,15 +227,38 @@ def test_hold_and_land_are_refused_without_a_position_and_the_vehicle_descends()
             command(px4, 176, 1.0, 6.0)
         fly(px4, 0.02)
     assert px4.mode is FlightMode.OFFBOARD
+    return px4
+
+
+def acks(messages):
+    return [(ack["command"], ack["result"]) for ack in named(messages, "COMMAND_ACK")]
+
+
+@pytest.mark.parametrize("land", [(176, 1.0, 4.0, 6.0), (21,)])
+def test_without_a_position_hold_is_refused_and_land_is_taken_and_descends(land):
+    """As PX4 in SITL does: Land is forced (Commander::handle_command), the failsafe makes Descend of it."""
+    px4 = offboard_without_gps(10.0)
     command(px4, 176, 1.0, 4.0, 3.0)
-    command(px4, 21)
-    acks = [(ack["command"], ack["result"]) for ack in named(fly(px4, 0.1), "COMMAND_ACK")]
-    assert acks == [(176, 0), (176, 1), (21, 1)]
-    fly(px4, 1.5)  # and now silence
-    assert px4.commander.descending
+    assert acks(fly(px4, 0.1)) == [(176, 0), (176, 1)]
+    assert px4.mode is FlightMode.OFFBOARD
+    command(px4, *land)
+    assert set(acks(fly(px4, 0.1))) == {(land[0], 0)}
+    assert (px4.mode, px4.commander.intended, px4.commander.descending) == (FlightMode.LAND, FlightMode.LAND, True)
+    assert px4.commander.status.name == "CRITICAL"
+    fly(px4, 3.0)
     height = px4.height_m
     fly(px4, 3.0)
-    assert 0.3 < (height - px4.height_m) / 3.0 < 1.6
+    assert (height - px4.height_m) / 3.0 == pytest.approx(0.7, abs=0.2)  # MPC_LAND_SPEED
+
+
+def test_without_a_position_and_without_setpoints_it_shows_altitude_descends_and_disarms():
+    """As PX4 in SITL does: nobody asks the failsafe's Altitude mode for a pilot, and without sticks it descends."""
+    px4 = offboard_without_gps(5.0)
+    fly(px4, 1.5)
+    assert (px4.mode, px4.commander.intended) == (FlightMode.ALTITUDE, FlightMode.OFFBOARD)
+    assert px4.commander.status.name == "CRITICAL"
+    fly(px4, 25.0)
+    assert not px4.armed
 
 
 @pytest.mark.parametrize("airframe", airframe_files.names())
