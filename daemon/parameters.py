@@ -10,7 +10,6 @@ from daemon.estimation.clock import ClockParameters
 from daemon.estimation.estimator import EstimatorParameters
 from daemon.estimation.fusion import FusionParameters, flight_filter
 from daemon.estimation.predictor import PredictorParameters
-from daemon.estimation.quality import QualityParameters
 from daemon.estimation.reset_tracker import ResetParameters
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters, Profile
@@ -34,7 +33,6 @@ def pipeline_parameters(config: Config, fence: Geofence, hover_thrust: float | N
                 reset_max_m=config.estimator.reset_max_m,
                 variance_trusted_m2=config.estimator.position_variance_max_m2,
             ),
-            quality=QualityParameters(variance_max_m2=config.estimator.position_variance_max_m2),
             fusion=fusion_parameters(config),
         ),
         predictor=PredictorParameters(),

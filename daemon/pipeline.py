@@ -193,6 +193,8 @@ def _supervise(
         state=estimate.newest,
         age_s=estimate.age_s,
         position_variance_m2=estimate.position_variance_m2,
+        variance_grows=estimate.quality.variance_grows,
+        innovation=estimate.quality.innovation,
         disagreement_rad=estimate.disagreement_rad,
         truth_returned=estimate.reset is not None and estimate.reset.truth_returned,
         goal_active=inputs.window is not None and inputs.window.goal_id is not None,

@@ -133,7 +133,7 @@ def _accepted(
         variance,
     )
     judged = (
-        quality.restarted(variance, parameters=parameters.quality)
+        quality.restarted(variance)
         if found is None
         else quality.judged(state.quality, variance, found, parameters=parameters.quality)
     )

@@ -11,12 +11,11 @@ from daemon.frames import norm
 class QualityParameters:
     """What is taken as good.
 
-    ``variance_max_m2``: PX4 says 0.04 in flight, 0.3 three seconds after GPS was lost, 0.9 after five.
     ``innovation_*``: mean innovation that counts as 1; recorded flights have 0.004 m and 0.03 m/s.
-    ``smoothing_s``: time constant of the means. ``growth_max_m2_s``: growth of the variance that foretells a loss.
+    ``smoothing_s``: time constant of the means. ``growth_max_m2_s``: growth of the variance that foretells a loss (PX4
+    says 0.04 in flight, 0.3 three seconds after GPS was lost, 0.9 after five).
     """
 
-    variance_max_m2: float = 0.3
     growth_max_m2_s: float = 0.05
     innovation_position_m: float = 0.03
     innovation_velocity_m_s: float = 0.2
@@ -25,17 +24,12 @@ class QualityParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quality:
-    """``innovation``: smoothed, 1 is the bound. ``variance_growth_m2_s``: smoothed. The flags compare with the bounds.
-
-    ``variance_excess`` means hand over now; ``variance_grows`` is the warning before it.
-    """
+    """``innovation``: smoothed, 1 is the bound. ``variance_growth_m2_s``: smoothed, ``variance_grows`` by its bound."""
 
     innovation: float = 0.0
     variance_m2: float = 0.0
     variance_growth_m2_s: float = 0.0
-    variance_excess: bool = False
     variance_grows: bool = False
-    innovation_excess: bool = False
 
 
 def judged(before: Quality, variance_m2: float, found: Innovation, *, parameters: QualityParameters) -> Quality:
@@ -50,16 +44,9 @@ def judged(before: Quality, variance_m2: float, found: Innovation, *, parameters
     if slope - slope != 0.0:  # from or to an unknown variance there is no slope
         slope = 0.0
     growth = before.variance_growth_m2_s + (slope - before.variance_growth_m2_s) * share
-    return Quality(
-        innovation,
-        variance_m2,
-        growth,
-        variance_m2 > parameters.variance_max_m2,
-        growth > parameters.growth_max_m2_s,
-        innovation > 1.0,
-    )
+    return Quality(innovation, variance_m2, growth, growth > parameters.growth_max_m2_s)
 
 
-def restarted(variance_m2: float, *, parameters: QualityParameters) -> Quality:
+def restarted(variance_m2: float) -> Quality:
     """The quality of a first sample, or of one after a reset: no innovation is known."""
-    return Quality(variance_m2=variance_m2, variance_excess=variance_m2 > parameters.variance_max_m2)
+    return Quality(variance_m2=variance_m2)

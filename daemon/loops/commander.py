@@ -159,6 +159,7 @@ class Commander:
                 ),
                 (not record.conditions.state_usable, "there is no fresh estimate"),
                 (record.conditions.estimate_poor, "the position estimate is too uncertain"),
+                (record.conditions.estimate_worsens, "the position estimate is becoming uncertain"),
                 (record.conditions.attitude_disagrees, "the autopilot's attitude and its accelerometer disagree"),
             )
             if fails

@@ -27,12 +27,15 @@ class Bounds:
 
     ``coast_s``: the law flies on prediction up to this age of the state; beyond ``lost_s`` the vehicle is released.
     ``fence_beyond`` is asked for when the vehicle, handed over at the hard fence, drifts on to twice its margin.
+    ``innovation``: what the estimate's samples may differ from their prediction, 1 is twenty times a calm flight's.
     ``tilt_rad`` and ``speed_m_s`` are the vehicle's, not the command's. ``battery_fraction`` 0 switches that one off.
     """
 
     coast_s: float = 0.2
     lost_s: float = 0.5
     position_variance_m2: float = 0.3
+    innovation: float = 1.0
+    innovation_for_s: float = 1.0
     attitude_disagreement_rad: float = 0.26
     attitude_disagreement_for_s: float = 2.0
     tilt_rad: float = 1.3
@@ -48,12 +51,14 @@ class Bounds:
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """One tick's facts: the newest accepted state and its age, the tilt cross-check's angle, and the rest by name."""
+    """One tick's facts: the newest accepted state, its age, what the estimator thinks of it, and the rest by name."""
 
     status: AutopilotStatus
     state: EstimatedState | None = None
     age_s: float = inf
     position_variance_m2: float = 0.0
+    variance_grows: bool = False
+    innovation: float = 0.0
     disagreement_rad: float = 0.0
     truth_returned: bool = False
     goal_active: bool = False
@@ -80,6 +85,7 @@ class Conditions:
     state_usable: bool = False
     estimate_lost: bool = True
     estimate_poor: bool = False
+    estimate_worsens: bool = False
     truth_returned: bool = False
     attitude_disagrees: bool = False
     tilt_excess: bool = False
@@ -128,6 +134,7 @@ class Memory:
 
     boot_count: int | None = None
     variance: Lasting = _NEVER
+    innovation: Lasting = _NEVER
     disagreement: Lasting = _NEVER
     tilt: Lasting = _NEVER
     speed: Lasting = _NEVER
@@ -148,6 +155,7 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds, **other
     differs = FlightMode.UNKNOWN is not status.intended_mode is not mode is not FlightMode.UNKNOWN
     hold = mode is FlightMode.HOLD
     outside_m = -inf if facts.state is None else excess_m(bounds.fence, facts.state.position_ned_m)
+    poor = memory.variance.active or memory.innovation.active
     usable = facts.state is not None and facts.age_s <= bounds.coast_s
     return memory, Conditions(
         link=status.connected,
@@ -167,11 +175,13 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds, **other
         and status.system_status is SystemStatus.ACTIVE
         and not differs
         and usable
-        and not memory.variance.active
+        and not poor
+        and not facts.variance_grows
         and not memory.disagreement.active,
         state_usable=usable,
         estimate_lost=facts.age_s > bounds.lost_s,
-        estimate_poor=memory.variance.active,
+        estimate_poor=poor,
+        estimate_worsens=facts.variance_grows,
         truth_returned=facts.truth_returned,
         attitude_disagrees=memory.disagreement.active,
         tilt_excess=memory.tilt.active,
@@ -198,6 +208,7 @@ def _remember(memory: Memory, facts: Facts, now_s: float, bounds: Bounds) -> Mem
     after = Memory(
         facts.status.boot_count,
         over(memory.variance, facts.position_variance_m2, bounds.position_variance_m2, 0.0),
+        over(memory.innovation, facts.innovation, bounds.innovation, bounds.innovation_for_s),
         over(
             memory.disagreement,
             facts.disagreement_rad,

@@ -19,7 +19,7 @@ REASONS = {
     "released_to_land": "the vehicle was handed over to land",
     "release_failed": "the autopilot took neither Hold nor Land; the daemon is silent, the autopilot's failsafe acts",
     "estimate_lost": "the autopilot's estimate did not come any more",
-    "estimate_poor": "the position estimate became too uncertain",
+    "estimate_poor": "the position estimate became too uncertain, or contradicted itself",
     "position_reset": "the position estimate came back from elsewhere; the old goal means nothing any more",
     "attitude_disagreement": "the autopilot's attitude and its accelerometer disagree",
     "tilt_excess": "the vehicle tilted too far",

@@ -234,6 +234,7 @@ def test_a_young_state_is_flown_an_older_one_levelled_a_lost_one_released() -> N
     [
         ({"position_variance_m2": 0.31}, "estimate_poor"),
         ({"position_variance_m2": float("nan")}, "estimate_poor"),
+        ({"innovation": 1.1}, "estimate_poor"),
         ({"truth_returned": True}, "position_reset"),
         ({"state": vehicle_at((0.0, 0.0, -130.0))}, "geofence"),
         ({"state": replace(vehicle_at(), attitude_wb=(0.5, 0.866, 0.0, 0.0))}, "tilt_excess"),
@@ -506,3 +507,19 @@ def test_each_row_can_be_taken_and_needs_each_of_its_conditions(index: int) -> N
 def test_the_diagram_names_every_state() -> None:
     text = to_mermaid()
     assert all(state.value in text for state in State)
+
+
+@pytest.mark.parametrize("changes", [{"variance_grows": True}, {"innovation": 1.1}, {"position_variance_m2": 0.31}])
+def test_a_vehicle_whose_position_becomes_doubtful_is_not_taken(changes: dict[str, object]) -> None:
+    rig = ready().set(**changes)
+    rig.tick(150)
+    rig.ask(RequestKind.ENGAGE)
+    rig.tick(5)
+    assert rig.supervision.state is State.READY
+
+
+def test_an_estimate_that_contradicts_itself_for_a_moment_is_flown() -> None:
+    rig = tracking().set(innovation=5.0)
+    rig.tick(90)
+    rig.set(innovation=0.5).tick(100)
+    assert rig.supervision.state is State.TRACKING
