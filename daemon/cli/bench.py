@@ -86,6 +86,23 @@ def track(
     typer.echo(json.dumps(track_report.as_json(runs)) if as_json else track_report.table(runs))
 
 
+@bench_app.command()
+def sim(
+    seconds: Annotated[float, typer.Option(help="How long the fleet flies.", min=1.0, max=3600.0)] = 60.0,
+    vehicles: Annotated[int, typer.Option(help="How many there are.", min=1, max=50)] = 4,
+) -> None:
+    """Tell what the simulator costs: a minute of flight in virtual time, and a fleet over UDP in real time.
+
+    Example: flightd bench sim --seconds 60 --vehicles 4
+    """
+    from daemon import logs
+    from daemon.bench import simulator
+
+    logs.configure("error")
+    for line in simulator.lines(simulator.virtual_minute(60.0), simulator.fleet(vehicles, seconds)):
+        typer.echo(line)
+
+
 class _Named(Protocol):
     @property
     def name(self) -> str: ...

@@ -48,7 +48,8 @@ class FailsafeState:
         """Decide anew."""
         self._delay_s = max(0.0, self._delay_s - dt_s)
         self._manual_control_lost |= health.manual_control_lost
-        health = replace(health, manual_control_lost=self._manual_control_lost)
+        if self._manual_control_lost is not health.manual_control_lost:
+            health = replace(health, manual_control_lost=True)
         action = self._decide(intended, health)
         if self._taken_over is not None:
             if action.cause is not self._taken_over:

@@ -77,6 +77,8 @@ class SimulatedPx4:
         self.payload_kg = 0.0
         self.rotor_efficiency = tuple(1.0 for _ in airframe.rotors)
         self.battery = BatteryState(airframe.battery)
+        self._surroundings = Surroundings()
+        self._seen: tuple[Vec3, float, tuple[float, ...], float] | None = None
         self.simulated_us = 0
         self._outgoing: list[tuple[str, Fields]] = []
         self.clock_offset_us = 0
@@ -245,13 +247,21 @@ class SimulatedPx4:
             )
         else:
             self.signals = self.rate_loop.stop()
-        share = self.battery.thrust_share
-        surroundings = Surroundings(
+        self.truth = step(truth, self.signals, self.airframe, self._look_around(), STEP_S)
+
+    def _look_around(self) -> Surroundings:
+        """What acts on the vehicle now; the same object as before when nothing has changed."""
+        seen = (
             self.wind.step(STEP_S, self.height_m),
             self.payload_kg,
-            tuple([efficiency * share for efficiency in self.rotor_efficiency]),
+            self.rotor_efficiency,
+            self.battery.thrust_share,
         )
-        self.truth = step(truth, self.signals, self.airframe, surroundings, STEP_S)
+        if seen != self._seen:
+            wind, payload_kg, efficiencies, share = self._seen = seen
+            scaled = tuple([efficiency * share for efficiency in efficiencies])
+            self._surroundings = Surroundings(wind, payload_kg, scaled)
+        return self._surroundings
 
     def _estimate(self) -> None:
         """The estimator's turn, and that of the controllers that hang on it."""

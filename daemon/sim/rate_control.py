@@ -54,6 +54,7 @@ class RateLoop:
     def __init__(self, airframe: Airframe, thrust_model_factor: float) -> None:
         self._gains = airframe.rate_gains
         self._mixer = _mixer(airframe)
+        self._largest_tilt = max(max(abs(r), abs(p)) for r, p, _ in self._mixer)
         self._curve = thrust_model_factor
         self._gyro = LowPass3(GYRO_CUTOFF_HZ)
         self._derivative = LowPass3(GYRO_DERIVATIVE_CUTOFF_HZ)
@@ -101,12 +102,22 @@ class RateLoop:
         if self._saturated[axis] * error > 0.0:
             return self._integral[axis]
         fade = error / _INTEGRAL_FADE_RAD_S
-        step = max(0.0, 1.0 - fade * fade) * self._gains.i[axis] * error * STEP_S
+        share = 1.0 - fade * fade
+        if share <= 0.0:
+            return self._integral[axis]
         limit = self._gains.integral_limit
-        return clamp(self._integral[axis] + step, -limit, limit)
+        return clamp(self._integral[axis] + share * self._gains.i[axis] * error * STEP_S, -limit, limit)
 
     def _allocate(self, roll: float, pitch: float, yaw: float, thrust: float) -> tuple[float, ...]:
         """Roll and pitch first, then yaw as far as it fits; thrust gives way within [0, 1] (no airmode beyond it)."""
+        signals = [thrust + r * roll + p * pitch + y * yaw for r, p, y in self._mixer]
+        tilt = self._largest_tilt * (abs(roll) + abs(pitch))
+        if min(signals) >= 0.0 and max(signals) <= 1.0 and tilt <= thrust and thrust + tilt <= 1.0:
+            self._saturated = (0, 0, 0)
+            return tuple(signals) if self._curve <= 0.0 else tuple([self._signal(signal) for signal in signals])
+        return self._allocate_saturated(roll, pitch, yaw, thrust)
+
+    def _allocate_saturated(self, roll: float, pitch: float, yaw: float, thrust: float) -> tuple[float, ...]:
         tilting = [r * roll + p * pitch for r, p, _ in self._mixer]
         low, high = min(tilting), max(tilting)
         share = 1.0 / (high - low) if high - low > 1.0 else 1.0

@@ -45,9 +45,9 @@ def step(
     """The vehicle ``dt_s`` later under constant rotor commands (0 to 1; clipped, NaN counts as 0)."""
     constant_s = airframe.motor_time_constant_s
     half_rest = exp(-0.5 * dt_s / constant_s) if constant_s > 0.0 else 0.0
-    targets = [min(max(c, 0.0), 1.0) if isfinite(c) else 0.0 for c in commands]
+    targets = [c if 0.0 <= c <= 1.0 else _clipped(c) for c in commands]
     middle = [t + (s - t) * half_rest for s, t in zip(state.signals, targets, strict=True)]
-    signals = tuple([t + (s - t) * half_rest * half_rest for s, t in zip(state.signals, targets, strict=True)])
+    signals = tuple([t + (m - t) * half_rest for m, t in zip(middle, targets, strict=True)])
     thrust_n, torque_nm, speed_sum = _rotor_wrench(middle, airframe, surroundings)
     if airframe.rotor_drag_n_s_m != ZERO3:
         torque_nm = _add_scaled(torque_nm, _hub_drag_torque(state, middle, airframe, surroundings), 1.0)
@@ -76,6 +76,10 @@ def step(
         force,
         False,
     )
+
+
+def _clipped(command: float) -> float:
+    return min(max(command, 0.0), 1.0) if isfinite(command) else 0.0
 
 
 def _resting(state: VehicleState, signals: tuple[float, ...], surroundings: Surroundings) -> VehicleState:
