@@ -12,8 +12,8 @@ from daemon.goals.methods import GoalSubmit
 from daemon.goals.service import Caller
 from daemon.journal import Journal
 from daemon.loops.goal_book import GoalEntry
-from daemon.loops.grid import LoopAlarm
 from daemon.loops.goal_order import Progress
+from daemon.loops.grid import LoopAlarm
 from daemon.loops.vehicle import Vehicle
 from daemon.messages import FlightMode, Setpoint, Vec3
 from daemon.pipeline import Inputs, Record
