@@ -42,8 +42,8 @@ class ControlParameters:
     gravity_m_s2: float = GRAVITY_M_S2
 
     # Position law
-    position_gain_1_s2: Vec3 = (8.0, 8.0, 9.0)  # north, east, down
-    velocity_gain_1_s: Vec3 = (4.6, 4.6, 5.2)  # north, east, down
+    position_gain_1_s2: Vec3 = (5.0, 5.0, 7.0)  # north, east, down
+    velocity_gain_1_s: Vec3 = (3.2, 3.2, 4.4)  # north, east, down
     feedback_max_m_s2: float = 9.0  # norm of the feedback acceleration
     approach_max_m_s: float = 3.0  # speed at which a far reference is approached; inf: never saturates
     feedthrough: bool = False  # fly the reference's acceleration, without feedback
@@ -62,7 +62,7 @@ class ControlParameters:
     # Learned in flight
     velocity_bias_bandwidth_rad_s: float = 4.0  # 0: off
     velocity_bias_max_m_s: float = 1.0  # horizontal norm, and vertical
-    disturbance_bandwidth_rad_s: float = 8.0  # 0: off
+    disturbance_bandwidth_rad_s: float = 13.0  # 0: off
     disturbance_max_m_s2: float = 6.0  # horizontal norm, and vertical
     hover_time_constant_s: float = 3.0  # how fast a vertical disturbance becomes hover thrust; inf: never
     hover_range: float = 0.5  # relative bound about the start value

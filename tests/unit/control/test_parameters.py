@@ -34,5 +34,5 @@ def test_airframe_of_the_default_lag_has_the_default_gains() -> None:
 def test_slower_airframe_keeps_the_damping() -> None:
     quick, slow = from_airframe(0.5, 0.04), from_airframe(0.5, 0.08)
     for p in (quick, slow):
-        assert p.velocity_gain_1_s[0] / p.position_gain_1_s2[0] ** 0.5 == pytest.approx(4.6 / 8.0**0.5)
+        assert p.velocity_gain_1_s[0] / p.position_gain_1_s2[0] ** 0.5 == pytest.approx(3.2 / 5.0**0.5)
     assert slow.position_gain_1_s2[0] == pytest.approx(quick.position_gain_1_s2[0] / 4.0)
