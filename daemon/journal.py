@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from daemon.goals.hub import Hub
+from daemon.goals.results import ResetReport
 from daemon.recording.recorder import Recorder
 
 
@@ -14,11 +15,18 @@ class Journal:
         self._hub = hub
         self._recorder = recorder
 
-    def event(self, code: str, text: str, goal_id: str | None = None, field: str | None = None) -> None:
-        """Something happened now."""
-        self._hub.event(code, text, goal_id, field)
+    def event(
+        self,
+        code: str,
+        text: str,
+        goal_id: str | None = None,
+        field: str | None = None,
+        reset: ResetReport | None = None,
+    ) -> None:
+        """Something happened now; ``reset`` when it was one of the estimate."""
+        self._hub.event(code, text, goal_id, field, reset)
         if self._recorder is not None:
-            self._recorder.event(code, text, goal_id, field)
+            self._recorder.event(code, text, goal_id, field, reset)
 
     def goal(self, what: str, goal_id: str | None, details: Mapping[str, Any]) -> None:
         """A goal was submitted, updated, refused or ended."""

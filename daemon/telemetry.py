@@ -6,6 +6,7 @@ from typing import Any
 from daemon import logs
 from daemon.frames import norm
 from daemon.goals.hub import Hub
+from daemon.goals.results import ResetReport
 from daemon.guidance.goals import Goal, PolynomialGoal
 from daemon.guidance.plan import Plan
 from daemon.guidance.polynomial import candidates
@@ -129,7 +130,15 @@ class Telemetry:
                 f"velocity {_m(reset.velocity_ned_m_s)} m/s, heading {degrees(reset.yaw_rad):.1f} deg"
             )
             log.warning(event.name, kinds=kinds, cause=event.cause, text=text)
-            self._journal.event(event.name, text)
+            report: ResetReport = {
+                "kinds": kinds,
+                "position_ned_m": list(reset.position_ned_m),
+                "velocity_ned_m_s": list(reset.velocity_ned_m_s),
+                "yaw_deg": degrees(reset.yaw_rad),
+                "counter_steps": event.counter_steps,
+                "truth_returned": reset.truth_returned,
+            }
+            self._journal.event(event.name, text, reset=report)
 
 
 def _drawn(plan: Plan, goal: Goal | None) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from daemon.goals.protocol import encode_notification
-from daemon.goals.results import EventTelemetry, GoalFeedback, GoalRecord
+from daemon.goals.results import EventTelemetry, GoalFeedback, GoalRecord, ResetReport
 
 SENDS_PER_PASS = 32
 MAX_JOBS = 1000
@@ -90,10 +90,17 @@ class Hub:
         thinned = topic not in UNTHINNED
         self._put(topic, encode_notification(f"telemetry.{topic}", payload), thinned=thinned, essential=not thinned)
 
-    def event(self, code: str, text: str, goal_id: str | None = None, field: str | None = None) -> None:
+    def event(
+        self,
+        code: str,
+        text: str,
+        goal_id: str | None = None,
+        field: str | None = None,
+        reset: ResetReport | None = None,
+    ) -> None:
         """Publish something that happened."""
         if self._gates["events"]:
-            self.publish("events", event_payload(code, text, goal_id, field))
+            self.publish("events", event_payload(code, text, goal_id, field, reset))
 
     def goal_feedback(self, feedback: GoalFeedback) -> None:
         """Send feedback to the connection that submitted the goal and to the subscribers of ``goal``."""
@@ -206,7 +213,13 @@ class Hub:
             self._schedule()
 
 
-def event_payload(code: str, text: str, goal_id: str | None = None, field: str | None = None) -> EventTelemetry:
+def event_payload(
+    code: str,
+    text: str,
+    goal_id: str | None = None,
+    field: str | None = None,
+    reset: ResetReport | None = None,
+) -> EventTelemetry:
     """An event that happens now."""
     time_s = asyncio.get_running_loop().time()
-    return {"time_s": time_s, "code": code, "text": text, "goal_id": goal_id, "field": field}
+    return {"time_s": time_s, "code": code, "text": text, "goal_id": goal_id, "field": field, "reset": reset}

@@ -220,11 +220,30 @@ class HealthTelemetry(TypedDict):
     counters: Counters
 
 
+class ResetReport(TypedDict):
+    """A jump of the autopilot's estimate, new minus old: shift what you know of the world by it.
+
+    ``kinds``: of velocity_ne, velocity_d, position_ne, position_d, heading. ``counter_steps``: how often the autopilot
+    counted a reset (0: it did not say). ``truth_returned``: the numbers before were worthless.
+    """
+
+    kinds: list[str]
+    position_ned_m: Vector
+    velocity_ned_m_s: Vector
+    yaw_deg: float
+    counter_steps: int
+    truth_returned: bool
+
+
 class EventTelemetry(TypedDict):
-    """Payload of telemetry.events: something that happened, once; ``field`` when an input was refused."""
+    """Payload of telemetry.events: something that happened, once; ``field`` when an input was refused.
+
+    ``reset`` is of the events ``reset`` and ``fast_slide``.
+    """
 
     time_s: float
     code: str
     text: str
     goal_id: str | None
     field: str | None
+    reset: ResetReport | None

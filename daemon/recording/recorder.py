@@ -99,9 +99,16 @@ class Recorder:
             self._since_wake = 0
             self._wake.set()
 
-    def event(self, code: str, text: str, goal_id: str | None = None, field: str | None = None) -> None:
-        """Something that happened now: a refusal of a request, a command, a change of configuration."""
-        self._note("event", {"code": code, "text": text, "goal_id": goal_id, "field": field})
+    def event(
+        self,
+        code: str,
+        text: str,
+        goal_id: str | None = None,
+        field: str | None = None,
+        reset: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Something that happened now: a refusal, a command, a change of configuration, a reset of the estimate."""
+        self._note("event", {"code": code, "text": text, "goal_id": goal_id, "field": field, "reset": reset})
 
     def goal(self, what: str, goal_id: str | None, details: Mapping[str, Any]) -> None:
         """A goal was ``submitted``, ``updated``, ``refused`` or ``ended``; details with the protocol's own keys."""

@@ -1,7 +1,8 @@
 """Flights on the daemon's own filters, with and without poses from outside."""
 
 import asyncio
-from math import dist
+from bisect import bisect
+from math import dist, hypot
 
 import pytest
 from support.flight import CALLER, Flight, fly
@@ -41,6 +42,49 @@ def test_motion_capture_holds_the_vehicle_where_the_autopilots_position_wanders(
         assert sum(departures) / len(departures) < 0.12
 
     fly(scenario, noise=True, config={"estimator": {"kind": "ekf", "external_pose": "alone"}})
+
+
+def test_poses_that_come_late_count_for_the_moment_at_which_they_were_true() -> None:
+    """At 3 m/s, 0.15 s are 0.45 m: taken as of their arrival, such poses would pull the estimate back by that."""
+    late_s = 0.15
+
+    async def scenario(flight: Flight) -> tuple[list[float], float]:
+        waiting: list[tuple[float, list[float], list[float]]] = []
+
+        async def capture() -> None:
+            while True:
+                truth = flight.px4.truth
+                waiting.append((flight.now_s, list(truth.position_ned_m), list(truth.attitude_wb)))
+                if flight.now_s - waiting[0][0] >= late_s:
+                    stamp_s, position, orientation = waiting.pop(0)
+                    pose = {"position": position, "orientation": orientation, "stamp_s": stamp_s}
+                    flight.service.estimator_pose(EstimatorPose.model_validate(pose), CALLER)
+                await asyncio.sleep(0.02)
+
+        task = asyncio.ensure_future(capture())
+        await flight.airborne()
+        goal = await flight.goto(20.0, 0.0, -5.0)
+        since = len(flight.records)
+        await flight.result(goal)
+        task.cancel()
+        return _errors(flight, since)
+
+    errors_m, fastest_m_s = fly(scenario, noise=True, config={"estimator": {"kind": "ekf", "external_pose": "alone"}})
+    assert fastest_m_s > 3.0
+    assert max(errors_m) < 0.25
+    assert sum(errors_m) / len(errors_m) < 0.08
+
+
+def _errors(flight: Flight, since: int) -> tuple[list[float], float]:
+    """Distance of each state from the true path at its own time, and the largest speed."""
+    times = [record.now_s for record in flight.records]
+    errors, fastest = [], 0.0
+    for record in flight.records[since:]:
+        newest = record.estimate.newest
+        assert newest is not None
+        errors.append(dist(newest.position_ned_m, flight.truths[bisect(times, newest.time_s) - 1]))
+        fastest = max(fastest, hypot(*newest.velocity_ned_m_s))
+    return errors, fastest
 
 
 def test_a_pose_is_refused_when_the_estimator_takes_none() -> None:

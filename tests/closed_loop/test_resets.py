@@ -1,15 +1,20 @@
 """Resets of the EKF in flight, against the twin flight of the same seed without: the vehicle must not notice."""
 
+import json
 from functools import cache
 from math import degrees, dist
+from typing import Any
 
 import pytest
 from support.flight import Flight, fly
 
 from daemon.frames import angle_between
+from daemon.journal import Journal
 from daemon.messages import FlightMode, Quat, Vec3
+from daemon.reports import Reports
 from daemon.safety.supervisor import State
 from daemon.sim.faults import ClockStep, EkfReset, Fault, GpsLoss
+from daemon.telemetry import Telemetry
 
 BEFORE_S, AFTER_S = 3.0, 4.0
 POSITION = {
@@ -82,3 +87,37 @@ def test_a_lost_gps_hands_the_vehicle_over_before_the_position_is_worthless() ->
         return waited_s
 
     assert fly(scenario, seed=3, noise=True) < 4.5
+
+
+@pytest.mark.parametrize(
+    ("reset", "kinds", "key", "size"),
+    [
+        (EkfReset(kind="position_ne", size_m=3.0), ["position_ne"], "position_ned_m", [3.0, 0.0, 0.0]),
+        (EkfReset(kind="velocity_ne", size_m_s=1.0), ["velocity_ne"], "velocity_ned_m_s", [1.0, 0.0, 0.0]),
+        (EkfReset(kind="heading", size_deg=30.0), ["heading"], "yaw_deg", 30.0),
+    ],
+    ids=["position", "velocity", "heading"],
+)
+def test_planners_outside_hear_what_was_reset_and_by_how_much(
+    reset: EkfReset, kinds: list[str], key: str, size: list[float] | float
+) -> None:
+    class Planner:
+        def __init__(self) -> None:
+            self.events: list[dict[str, Any]] = []
+
+        def send(self, line: bytes, *, essential: bool) -> None:
+            self.events.append(json.loads(line)["params"])
+
+    async def scenario(flight: Flight) -> list[dict[str, Any]]:
+        await flight.airborne()
+        planner = Planner()
+        Telemetry(flight.vehicle, Reports(flight.vehicle), flight.hub, Journal(flight.hub, None))
+        flight.hub.subscribe(planner, ["events"], 1.0)
+        flight.px4.inject(reset)
+        await flight.until(lambda begun=flight.now_s: flight.now_s - begun > 0.5)
+        return planner.events
+
+    (event,) = (event for event in fly(scenario, seed=3, noise=True) if event["code"] == "reset")
+    assert event["reset"]["kinds"] == kinds
+    assert event["reset"]["counter_steps"] == (2 if kinds == ["position_ne"] else 1)
+    assert event["reset"][key] == pytest.approx(size, abs=0.2 if isinstance(size, list) else 1.0)
