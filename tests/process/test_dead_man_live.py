@@ -20,7 +20,7 @@ from daemon.sim.faults import PilotTakesOver
 from daemon.sim.mavlink_server import MavlinkServer
 from daemon.sim.px4 import SimulatedPx4
 
-PATIENCE_S = 40.0
+PATIENCE_S = 120.0
 HEIGHT_M = 30.0
 TILT_MAX_DEG = 45.0
 

@@ -62,7 +62,7 @@ async def test_a_demo_that_is_interrupted_leaves_no_process(tmp_path: Path) -> N
         *FLIGHTD, "demo", "--out", str(tmp_path), stderr=asyncio.subprocess.PIPE
     )
     assert process.stderr is not None
-    async with asyncio.timeout(60.0):
+    async with asyncio.timeout(150.0):
         while b"started" not in await process.stderr.readline():
             pass
     children = children_of(process.pid)

@@ -17,7 +17,7 @@ from daemon.messages import FlightMode, LandedState, Setpoint
 from daemon.sim.mavlink_codec import MavlinkCodec
 
 HOLD = 0x03040000
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 
 class UdpPx4(asyncio.DatagramProtocol):

@@ -17,7 +17,7 @@ from daemon.sim.mavlink_server import MavlinkServer
 from daemon.sim.px4 import SimulatedPx4
 
 SPEED = 4.0
-PATIENCE_S = 40.0
+PATIENCE_S = 120.0
 HOVER = Setpoint((0.0, 0.0, 0.0), 0.4905)
 
 

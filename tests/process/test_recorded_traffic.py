@@ -19,8 +19,8 @@ from daemon.messages import AutopilotStatus, FlightMode, LandedState, MavFrame, 
 from daemon.sim.mavlink_codec import MavlinkCodec
 
 TRAFFIC = Path(__file__).parent.parent / "fixtures" / "traffic"
-SPEED = 12.0
-PATIENCE_S = 30.0
+SPEED = 8.0
+PATIENCE_S = 120.0
 FLOAT32 = 1e-5
 
 T = TypeVar("T")

@@ -16,8 +16,8 @@ from typing import Any
 from daemon.goals.client import FlightClient
 from daemon.goals.client_errors import FlightError
 
-START_S = 30.0
-STOP_S = 10.0
+START_S = 90.0
+STOP_S = 30.0
 BLOCKING = Path(__file__).parent / "blocking_daemon.py"
 FLIGHTD = (sys.executable, "-m", "daemon.cli.main")
 
