@@ -200,7 +200,8 @@ def _cpu_s(pid: int) -> float:
 def lines(minute: VirtualMinute, flown: Fleet) -> list[str]:
     """The figures in words."""
     return [
-        f"a minute of flight in virtual time: {minute.flight_s:.2f} s of one core; vehicle alone {minute.vehicle_s:.2f} s",
+        f"a minute of flight in virtual time: {minute.flight_s:.2f} s of one core",
+        f"  the vehicle alone: {minute.vehicle_s:.2f} s",
         f"{flown.vehicles} vehicles over UDP, {flown.seconds:.0f} s in real time: {flown.cpu_percent:.0f} % of a core",
         f"  {flown.summary}",
         f"  {flown.datagrams} datagrams heard; longest silence of a vehicle {flown.silent_s * 1e3:.0f} ms",

@@ -8,9 +8,9 @@ import numpy as np
 _BLOCK = 4096
 
 
-def normals(seed: int) -> Iterator[float]:
-    """Standard normal numbers without end, the same for the same seed."""
-    generator = np.random.default_rng(seed)
+def normals(seed: int, *stream: int) -> Iterator[float]:
+    """Standard normal numbers without end, the same for the same seed; each stream of a seed is independent."""
+    generator = np.random.default_rng((seed, *stream))
     while True:
         yield from generator.standard_normal(_BLOCK).tolist()
 

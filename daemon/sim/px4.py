@@ -3,7 +3,6 @@
 Behaviour follows recordings of PX4 1.17 SITL (see docs/simulator.md for what was compared and what is not modelled).
 """
 
-import struct
 from math import isfinite
 
 from daemon.frames import from_yaw
@@ -15,16 +14,16 @@ from daemon.sim.commander import Commander
 from daemon.sim.estimator import BOOT_RESETS, Estimator
 from daemon.sim.fault_board import FaultBoard
 from daemon.sim.faults import Fault
-from daemon.sim.flight_tasks import FlightTasks
 from daemon.sim.land_detector import patience
 from daemon.sim.link_faults import LinkFaults
+from daemon.sim.navigator import Navigator
 from daemon.sim.noise import normals
 from daemon.sim.parameters import Parameters
 from daemon.sim.rate_control import RateLoop
 from daemon.sim.receiver import Receiver
 from daemon.sim.sample import Fields, Sample
 from daemon.sim.sender import Sender
-from daemon.sim.sensors import Sensors, global_of
+from daemon.sim.sensors import Sensors
 from daemon.sim.vehicle import Surroundings, VehicleState, step
 from daemon.sim.wind import Wind
 
@@ -41,6 +40,9 @@ _SILENT_AFTER_BOOT_S = 1.5
 
 class SimulatedPx4:
     """One vehicle. Deterministic: the same seed, messages and faults give the same messages.
+
+    The noise of gyro and estimate is a matter of seed and step alone, whatever is sent when; that of HIGHRES_IMU, of
+    the wind and of each direction of the link comes from streams of their own.
 
     ``booted_for_s``: how long it has been running when the simulation begins (armable after 5 s).
     ``truth`` is the physics' state; ``mode``, ``armed`` and so on are read from ``commander``.
@@ -71,9 +73,9 @@ class SimulatedPx4:
         draw = normals(seed)
         self._noise = noise
         self._draw = draw
-        self.sensors = Sensors(draw, noise=noise)
+        self.sensors = Sensors(draw, normals(seed, 4), noise=noise)
         self.truth = VehicleState(signals=tuple(0.0 for _ in airframe.rotors))
-        self.wind = Wind(normals(seed + 1))
+        self.wind = Wind(normals(seed, 1))
         self.payload_kg = 0.0
         self.rotor_efficiency = tuple(1.0 for _ in airframe.rotors)
         self.battery = BatteryState(airframe.battery)
@@ -82,7 +84,7 @@ class SimulatedPx4:
         self.simulated_us = 0
         self._outgoing: list[tuple[str, Fields]] = []
         self.clock_offset_us = 0
-        self.links = {"up": LinkFaults(normals(seed + 2)), "down": LinkFaults(normals(seed + 3))}
+        self.links = {"up": LinkFaults(normals(seed, 2)), "down": LinkFaults(normals(seed, 3))}
         self.faults = FaultBoard(self)
         self._boot(round(booted_for_s * 1e6))
 
@@ -155,7 +157,7 @@ class SimulatedPx4:
             signals=self.rate_loop.run(ZERO3, self.airframe.hover_thrust, False),
             on_ground=False,
         )
-        self.setpoint = Setpoint(ZERO3, self.airframe.hover_thrust)
+        self.navigator.setpoint = Setpoint(ZERO3, self.airframe.hover_thrust)
         self.commander.start_in_air()
         self.estimator.start_in_air()
         self.estimator.step(self.truth, self.time_us)
@@ -192,11 +194,6 @@ class SimulatedPx4:
         """Claimed variance of the local z."""
         return 0.0018 + 0.3 * self.estimator.lost_s * 1e-3
 
-    @property
-    def attitude_setpoint_ms(self) -> int:
-        """ATTITUDE_TARGET's stamp: that of the last attitude setpoint, which rate offboard does not publish."""
-        return self._attitude_setpoint_ms
-
     def send(self, name: str, fields: Fields) -> None:
         """Queue a message to the link."""
         self._outgoing.append((name, fields))
@@ -225,26 +222,19 @@ class SimulatedPx4:
         self.receiver = Receiver(self)
         self.sender = Sender(self)
         self.estimator = Estimator(self._draw, noise=self._noise)
-        self.tasks = FlightTasks(self.parameters)
         self.rate_loop = RateLoop(self.airframe, self.parameters["THR_MDL_FAC"])
-        self.setpoint = Setpoint(ZERO3, 0.0)
         self.signals = self.rate_loop.stop()
-        self._attitude_setpoint_ms = 0
         self._fusing = True
-        self._flown_mode: FlightMode | None = None
-        self.home_local_m: Vec3 = ZERO3
-        self.home_global = self.home
         self.estimator.step(self.truth, self.time_us)
-        self._set_home()
+        self.navigator = Navigator(self)
 
     def _fly(self) -> None:
         """Physics and the rate loop."""
         truth = self.truth
         self.rate_loop.sense(self.sensors.gyro(truth))
         if self.commander.armed and not self.commander.killed:
-            self.signals = self.rate_loop.run(
-                self.setpoint.rates_frd_rad_s, self.setpoint.thrust, self.commander.detector.landed
-            )
+            wanted = self.navigator.setpoint
+            self.signals = self.rate_loop.run(wanted.rates_frd_rad_s, wanted.thrust, self.commander.detector.landed)
         else:
             self.signals = self.rate_loop.stop()
         self.truth = step(truth, self.signals, self.airframe, self._look_around(), STEP_S)
@@ -268,40 +258,8 @@ class SimulatedPx4:
         if self.uptime_s < _ARMABLE_S:
             self.estimator.reset_counter = [count for after, count in BOOT_RESETS if self.uptime_s >= after][-1]
         estimate = self.estimator.step(self.truth, self.time_us)
-        for jump in self.estimator.jumps:
-            self.tasks.shift(jump)
-        if self.estimator.jumps:
-            self.estimator.jumps.clear()
         self.sender.note_estimate()
-        mode = self.commander.task
-        if mode is not self._flown_mode:
-            self._enter(mode)
-        if mode is FlightMode.OFFBOARD:
-            self.setpoint = self.receiver.offboard_setpoint(estimate)
-        elif self.commander.armed and (self.tasks.lifts or not self.commander.detector.landed):
-            self.setpoint = self.tasks.run(estimate, self.height_m)
-            self._attitude_setpoint_ms = self.time_us // 1000
-        else:
-            self.setpoint = Setpoint(ZERO3, 0.0)
-            self._attitude_setpoint_ms = self.time_us // 1000
-
-    def _enter(self, mode: FlightMode) -> None:
-        self._flown_mode = mode
-        estimate = self.estimator.estimate
-        self.tasks.home_ned_m = self.home_local_m
-        target_down_m: float | None = None
-        if mode is FlightMode.TAKEOFF:
-            amsl_m = self.commander.takeoff_altitude_amsl_m
-            if amsl_m is None:
-                altitude_m = self.parameters["MIS_TAKEOFF_ALT"]
-                if self.commander.armed:
-                    self.announcer.say("takeoff_default_altitude", _float32(altitude_m))
-                target_down_m = estimate.position_ned_m[2] - altitude_m
-            else:
-                target_down_m = self.home.altitude_amsl_m - amsl_m - self.estimator.origin_ned_m[2]
-        elif mode in (FlightMode.LAND, FlightMode.RETURN):
-            self.announcer.stow_gimbal(self.system_id)
-        self.tasks.enter(mode, estimate, target_down_m, landed=self.commander.detector.landed)
+        self.navigator.step(estimate)
 
     def _command(self) -> None:
         """The commander's turn."""
@@ -310,7 +268,7 @@ class SimulatedPx4:
         was_armed = commander.armed
         commander.tick(_COMMANDER_US * 1e-6)
         if commander.armed != was_armed:
-            self._set_home()
+            self.navigator.set_home()
             if was_armed and self.parameters["SIM_BAT_DRAIN"] > 0.0:
                 self.battery.set(1.0)
         self.battery.step(
@@ -329,32 +287,16 @@ class SimulatedPx4:
         """What the commander sees."""
         seen = self.commander.inputs
         self.announcer.time_boot_ms = self.time_us // 1000
-        hover = self.airframe.hover_thrust
+        hover, thrust = self.airframe.hover_thrust, self.navigator.setpoint.thrust
         seen.on_ground = self.truth.on_ground
-        seen.thrust_share = self.setpoint.thrust / hover if isfinite(self.setpoint.thrust) else 0.0
+        seen.thrust_share = thrust / hover if isfinite(thrust) else 0.0
         seen.position_valid = self.position_valid
         seen.heading_stable = self.heading_stable
         if self.estimator.fusing != self._fusing:
             self._fusing = self.estimator.fusing
             self.announcer.say("gnss_fusion_started" if self._fusing else "gnss_fusion_stopped")
         seen.compass_fault = self.estimator.heading_fault
-        seen.task_finished = self.tasks.finished
+        seen.task_finished = self.navigator.tasks.finished
         seen.battery_fraction = self.battery.fraction
         seen.setpoint_age_s = self.receiver.setpoint_age_s
         seen.sticks_age_s = self.receiver.sticks_age_s
-
-    def _set_home(self) -> None:
-        estimate = self.estimator.estimate
-        self.home_local_m = estimate.position_ned_m
-        self.home_global = global_of(
-            (
-                estimate.position_ned_m[0] + self.estimator.origin_ned_m[0],
-                estimate.position_ned_m[1] + self.estimator.origin_ned_m[1],
-                estimate.position_ned_m[2] + self.estimator.origin_ned_m[2],
-            ),
-            self.home,
-        )
-
-
-def _float32(value: float) -> bytes:
-    return struct.pack("<f", value)

@@ -83,7 +83,7 @@ class Receiver:
     def pilot_holds(self, sticks: Sticks) -> None:
         """A pilot's own remote control, always there from now on."""
         self._pilot = True
-        self._px4.tasks.sticks = sticks
+        self._px4.navigator.tasks.sticks = sticks
 
     def echo_parameters(self) -> None:
         """PX4 sends a parameter that was set a second time, about 20 ms later."""
@@ -102,7 +102,7 @@ class Receiver:
 
     def _manual_control(self, f: Fields, _: Sender) -> None:
         self._sticks_us = self._px4.simulated_us
-        self._px4.tasks.sticks = Sticks(
+        self._px4.navigator.tasks.sticks = Sticks(
             forward=f["x"] / 1000.0, right=f["y"] / 1000.0, throttle=f["z"] / 1000.0, yaw=f["r"] / 1000.0
         )
 

@@ -19,10 +19,11 @@ _EARTH_RADIUS_M = 6371000.0  # PX4 projects on a sphere (MapProjection)
 
 
 class Sensors:
-    """Draws noise only when asked to; without noise the readings are exact."""
+    """Without noise the readings are exact. ``draw``: for the gyro, each step; ``draw_imu``: for what is sent."""
 
-    def __init__(self, draw: Iterator[float], *, noise: bool) -> None:
+    def __init__(self, draw: Iterator[float], draw_imu: Iterator[float], *, noise: bool) -> None:
         self._draw = draw
+        self._draw_imu = draw_imu
         self._noise = noise
 
     def gyro(self, truth: VehicleState) -> Vec3:
@@ -48,7 +49,7 @@ class Sensors:
         )
 
     def _noisy(self, value: Vec3, std: Vec3, share: float) -> Vec3:
-        draw = self._draw
+        draw = self._draw_imu
         return (
             value[0] + std[0] * share * next(draw),
             value[1] + std[1] * share * next(draw),

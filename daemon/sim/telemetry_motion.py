@@ -63,7 +63,7 @@ def global_position(px4: "SimulatedPx4", sample: Sample) -> Fields:
         "lat": round(place.latitude_deg * 1e7),
         "lon": round(place.longitude_deg * 1e7),
         "alt": round(place.altitude_amsl_m * 1e3),
-        "relative_alt": round((px4.home_local_m[2] - sample.estimate.position_ned_m[2]) * 1e3),
+        "relative_alt": round((px4.navigator.home_local_m[2] - sample.estimate.position_ned_m[2]) * 1e3),
         "vx": round(vx * 100.0),
         "vy": round(vy * 100.0),
         "vz": round(vz * 100.0),
@@ -156,15 +156,15 @@ def truth(px4: "SimulatedPx4", sample: Sample) -> Fields:
 
 def attitude_target(px4: "SimulatedPx4", sample: Sample) -> Fields:
     """ATTITUDE_TARGET: rates and thrust that are flown; in rate offboard its stamp stands still, as in PX4."""
-    p, q, r = px4.setpoint.rates_frd_rad_s
+    p, q, r = px4.navigator.setpoint.rates_frd_rad_s
     return {
-        "time_boot_ms": px4.attitude_setpoint_ms,
+        "time_boot_ms": px4.navigator.attitude_setpoint_ms,
         "type_mask": 0,
         "q": list(sample.estimate.attitude_wb),
         "body_roll_rate": p,
         "body_pitch_rate": q,
         "body_yaw_rate": r,
-        "thrust": px4.setpoint.thrust,
+        "thrust": px4.navigator.setpoint.thrust,
     }
 
 
@@ -177,7 +177,7 @@ def altitude(px4: "SimulatedPx4", sample: Sample) -> Fields:
         "altitude_monotonic": amsl_m,
         "altitude_amsl": amsl_m,
         "altitude_local": local_m,
-        "altitude_relative": local_m + px4.home_local_m[2],
+        "altitude_relative": local_m + px4.navigator.home_local_m[2],
         "altitude_terrain": px4.home.altitude_amsl_m,
         "bottom_clearance": px4.height_m,
     }
@@ -185,7 +185,7 @@ def altitude(px4: "SimulatedPx4", sample: Sample) -> Fields:
 
 def vfr_hud(px4: "SimulatedPx4", sample: Sample) -> Fields:
     """VFR_HUD."""
-    thrust = px4.setpoint.thrust
+    thrust = px4.navigator.setpoint.thrust
     vx, vy, vz = sample.estimate.velocity_ned_m_s
     return {
         "airspeed": nan,
@@ -224,14 +224,14 @@ def gps_raw_int(px4: "SimulatedPx4", sample: Sample) -> Fields:
 
 def home_position(px4: "SimulatedPx4", sample: Sample) -> Fields:
     """HOME_POSITION; its local numbers stay when the origin moves, as in PX4."""
-    place = px4.home_global
+    place = px4.navigator.home_global
     return {
         "latitude": round(place.latitude_deg * 1e7),
         "longitude": round(place.longitude_deg * 1e7),
         "altitude": round(place.altitude_amsl_m * 1e3),
-        "x": px4.home_local_m[0],
-        "y": px4.home_local_m[1],
-        "z": px4.home_local_m[2],
+        "x": px4.navigator.home_local_m[0],
+        "y": px4.navigator.home_local_m[1],
+        "z": px4.navigator.home_local_m[2],
         "q": [1.0, 0.0, 0.0, 0.0],
         "approach_x": 0.0,
         "approach_y": 0.0,

@@ -110,7 +110,7 @@ def test_wind_tilts_the_hovering_vehicle_as_recorded(recording, flight):
     q = simulated.column("HIL_STATE_QUATERNION", "attitude_quaternion")[-1, 1:5]
     mine = np.degrees(2.0 * np.arctan2(np.hypot(q[1], q[2]), np.hypot(q[0], q[3])))
     assert mine == pytest.approx(tilt, abs=1.0)
-    assert simulated.px4.setpoint.thrust == pytest.approx(0.4905 / np.cos(np.radians(27.0)), abs=0.02)
+    assert simulated.px4.navigator.setpoint.thrust == pytest.approx(0.4905 / np.cos(np.radians(27.0)), abs=0.02)
 
 
 def test_a_lemniscate_is_flown_as_recorded_from_the_same_setpoints(recording, flight):

@@ -58,6 +58,19 @@ def flown(seed, noise=True):
     return pickle.dumps(messages + fly(px4, 3.0))
 
 
+def test_noise_is_the_same_whatever_is_asked_when():
+    """Over UDP requests arrive at other steps in every run."""
+
+    def estimates(request_s):
+        px4 = vehicle(10.0, seed=3, noise=True)
+        fly(px4, request_s)
+        command(px4, 511, 105.0, 10000.0)
+        fly(px4, 2.0 - request_s)
+        return px4.present.estimate.position_ned_m, px4.present.rates_frd_rad_s, px4.truth.position_ned_m
+
+    assert estimates(0.2) == estimates(0.7)
+
+
 def test_the_same_seed_gives_the_same_bytes_and_another_does_not():
     assert flown(7) == flown(7)
     assert flown(7) != flown(8)
