@@ -181,12 +181,14 @@ async def _first_of(work: Any, asked_again: "asyncio.Future[None]") -> None:
 
 
 class _Stop:
-    """SIGTERM and Ctrl-C: the first asks to stop, the second to hurry."""
+    """SIGTERM, Ctrl-C and the end of the terminal: the first asks to stop, the second to hurry."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self.asked: asyncio.Future[None] = loop.create_future()
         self.asked_again: asyncio.Future[None] = loop.create_future()
-        for number in (signal.SIGTERM, signal.SIGINT):
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            if signal.getsignal(number) is signal.SIG_IGN:  # nohup
+                continue
             loop.add_signal_handler(number, self._on_signal, number)
 
     def _on_signal(self, number: signal.Signals) -> None:

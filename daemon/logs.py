@@ -4,6 +4,7 @@ Every line of a flight carries its id as ``flight``. An event that repeats itsel
 ``WINDOW_S``; the next line after that says how many were left out.
 """
 
+import contextlib
 import logging
 import os
 import sys
@@ -57,6 +58,23 @@ class Flight:
 flight = Flight()
 
 
+class _Tolerant:
+    """A stream whose reader may go away: a line that cannot be written must not end a flight."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> None:
+        """Write, or lose the text."""
+        with contextlib.suppress(OSError, ValueError):
+            self._stream.write(text)
+
+    def flush(self) -> None:
+        """Flush, or lose what is left."""
+        with contextlib.suppress(OSError, ValueError):
+            self._stream.flush()
+
+
 def configure(level: str = "info", stream: TextIO | None = None, as_json: bool | None = None) -> None:
     """Set up structlog once at start. ``as_json`` None: JSON unless the stream is a terminal."""
     out = stream or sys.stderr
@@ -78,7 +96,7 @@ def configure(level: str = "info", stream: TextIO | None = None, as_json: bool |
             renderer,
         ],
         wrapper_class=structlog.make_filtering_bound_logger(getattr(logging, level.upper())),
-        logger_factory=structlog.WriteLoggerFactory(out),
+        logger_factory=structlog.WriteLoggerFactory(_Tolerant(out)),  # type: ignore[arg-type]
         cache_logger_on_first_use=True,
     )
 

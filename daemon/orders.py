@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import pi, radians
 
 from daemon import frames
+from daemon.config import describe
 from daemon.goals import schema
 from daemon.goals.errors import ErrorCode, ProtocolError
 from daemon.goals.methods import EstimatorPose, GoalSubmit, ReferenceSet
@@ -214,6 +215,11 @@ def _convergence(waypoint: schema.Waypoint) -> Convergence:
 def _tightened(limits: MotionLimits, wanted: schema.Limits | None) -> MotionLimits:
     if wanted is None:
         return limits
+    for name, value in wanted.model_dump(exclude_none=True).items():
+        allowed = describe(f"guidance.limits.{name}")
+        if value < allowed["min"]:
+            reason = f"{value:g} is less than the {allowed['min']:g} {allowed['unit']} that can be flown"
+            raise ProtocolError(ErrorCode.REFUSED, reason, f"limits.{name}")
     return limits.tightened(
         speed_m_s=wanted.speed_m_s,
         acceleration_m_s2=wanted.acceleration_m_s2,

@@ -19,9 +19,7 @@ from daemon.safety.conditions import Bounds
 from daemon.safety.dead_man import DeadManTiming
 from daemon.safety.geofence import Geofence
 from daemon.safety.supervision import Timing
-from daemon.settings import Config
-
-DEFAULT_HOVER_THRUST = 0.5
+from daemon.settings import DEFAULT_HOVER_THRUST, Config
 
 
 def pipeline_parameters(config: Config, fence: Geofence, hover_thrust: float | None = None) -> Parameters:

@@ -11,6 +11,9 @@ def _number(low: float, high: float, unit: str, settable: bool = False) -> Any:
     return Field(ge=low, le=high, json_schema_extra={"unit": unit, "settable": settable})
 
 
+DEFAULT_HOVER_THRUST = 0.5  # until the autopilot tells its own
+
+
 class Section(BaseModel):
     """Base of all sections: unknown keys are refused, nothing is converted, nothing changes afterwards."""
 
@@ -110,6 +113,18 @@ class Control(Section):
     thrust_min: float = _number(0.0, 0.5, "-", settable=True)
     thrust_max: float = _number(0.3, 1.0, "-", settable=True)
     thrust_slew_max_1_s: float = _number(0.5, 100.0, "1/s", settable=True)
+
+    @model_validator(mode="after")
+    def _hovers(self) -> "Control":
+        require_hover(self, DEFAULT_HOVER_THRUST if self.hover_thrust is None else self.hover_thrust)
+        return self
+
+
+def require_hover(control: Control, hover_thrust: float) -> None:
+    """Raise ``ValueError`` unless the thrust may be a tenth less and a tenth more than what hovers."""
+    if not control.thrust_min <= 0.9 * hover_thrust <= 1.1 * hover_thrust <= control.thrust_max:
+        allowed = f"thrust_min {control.thrust_min:g} to thrust_max {control.thrust_max:g}"
+        raise ValueError(f"{allowed} leaves less than a tenth about the {hover_thrust:.2f} that hovers")
 
 
 class Estimator(Section):

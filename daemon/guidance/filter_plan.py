@@ -12,7 +12,8 @@ from daemon.guidance.time_to_go import duration_s
 from daemon.messages import WINDOW_SPACING_S, ZERO3, Reference, Vec3
 
 _REST_M = 1e-7  # error, in metres, radians and their rates, below which the filter counts as resting at its goal
-_OUTLINE_STEPS_1_RAD = 0.1  # the outline's step in units of 1 / omega
+_PATH_STEPS_1_RAD = 0.1  # the path's step in units of 1 / omega
+_PATH_STEP_S = 0.1  # and at most: the limits are met in tenths of a second, however slow the filter is
 
 Node = tuple[float, ...]  # px py pz vx vy vz ax ay az yaw yaw_rate jx jy jz yaw_acceleration
 
@@ -77,12 +78,11 @@ class FilterPlan(Plan):
             return Reference(time_s=time_s, position_ned_m=self._goal, yaw_rad=wrap_pi(self._goal_yaw))
         return reference_after(node, since_s - index * self._step_s, time_s)
 
-    def outline(self, count: int = 100) -> tuple[Reference, ...]:
-        """The path of a twin of this plan with coarser steps: a tenth of the work, equal to some centimetres."""
-        coarse_s = max(self._step_s, _OUTLINE_STEPS_1_RAD / self._parameters.omega_rad_s)
-        twin = FilterPlan(self._start, self._goal, self._goal_yaw, self._limits, self._parameters, coarse_s)
-        spacing_s = (self.end_s - self.start_s) / max(1, count - 1)
-        return tuple(twin.sample(self.start_s + i * spacing_s) for i in range(count))
+    @property
+    def path(self) -> Plan:
+        """A twin of this plan with coarser steps: a tenth of the work, equal to some decimetres."""
+        coarse_s = max(self._step_s, min(_PATH_STEPS_1_RAD / self._parameters.omega_rad_s, _PATH_STEP_S))
+        return FilterPlan(self._start, self._goal, self._goal_yaw, self._limits, self._parameters, coarse_s)
 
     def shifted(self, dp_ned_m: Vec3, dv_ned_m_s: Vec3, dyaw_rad: float, at_s: float) -> Plan:
         """Moved with the estimate; after a velocity jump the filter goes on from the shifted state."""

@@ -129,9 +129,10 @@ class HeadedPlan(Plan):
             yaw_rate_rad_s=rate + acceleration * dt,
         )
 
-    def outline(self, count: int = 100) -> tuple[Reference, ...]:
-        """The path's outline, whose heading is not this plan's: a path does not depend on it."""
-        return self._path.outline(count)
+    @property
+    def path(self) -> Plan:
+        """The path, whose heading is not this plan's."""
+        return self._path.path
 
     def _step(self) -> None:
         """Append the next node; the last one, at rest in the wished heading, is good for ever."""

@@ -35,6 +35,11 @@ class Plan(ABC):
         """``count`` references from ``from_s`` on at ``WINDOW_SPACING_S``."""
         return tuple(self.sample(from_s + i * WINDOW_SPACING_S) for i in range(count))
 
+    @property
+    def path(self) -> "Plan":
+        """The same way through space, cheap to look at far ahead: coarse where it is stepped, and without a heading."""
+        return self
+
     def progress(self, time_s: float) -> float:
         """Share of the plan's time that has gone by, 0 to 1."""
         whole_s = self.end_s - self.start_s
@@ -42,8 +47,8 @@ class Plan(ABC):
 
     def outline(self, count: int = 100) -> tuple[Reference, ...]:
         """``count`` references spread over the whole plan: its path, to look at and to check against a fence."""
-        spacing_s = (self.end_s - self.start_s) / max(1, count - 1)
-        return tuple(self.sample(self.start_s + i * spacing_s) for i in range(count))
+        path, spacing_s = self.path, (self.end_s - self.start_s) / max(1, count - 1)
+        return tuple(path.sample(self.start_s + i * spacing_s) for i in range(count))
 
     def shifted(self, dp_ned_m: Vec3, dv_ned_m_s: Vec3, dyaw_rad: float, at_s: float) -> "Plan":
         """The same plan after the estimate jumped by these amounts at ``at_s``: it keeps its physical place."""
@@ -91,6 +96,11 @@ class SequencePlan(Plan):
         """Target of the last leg."""
         return self._legs[-1].target
 
+    @property
+    def path(self) -> Plan:
+        """The legs' paths."""
+        return SequencePlan(tuple(leg.path for leg in self._legs))
+
     def sample(self, time_s: float) -> Reference:
         """The reference of the leg that is being flown then."""
         return self._legs[max(0, bisect_right(self._starts_s, time_s) - 1)].sample(time_s)
@@ -127,6 +137,11 @@ class ShiftedPlan(Plan):
             position_ned_m=add(target.position_ned_m, self._dp),
             yaw_rad=wrap_pi(target.yaw_rad + self._dyaw),
         )
+
+    @property
+    def path(self) -> Plan:
+        """The plan's path, moved."""
+        return ShiftedPlan(self._plan.path, self._dp, self._dv, self._dyaw, self._at_s)
 
     def sample(self, time_s: float) -> Reference:
         """The plan's reference, moved."""

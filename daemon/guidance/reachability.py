@@ -34,6 +34,7 @@ class Reach:
     max_distance_m: float = 1000.0  # of any point of the goal from the vehicle
     max_waypoints: int = 50
     max_duration_s: float = 3600.0
+    max_stream_timeout_s: float = 2.0  # a streamed reference is carried on for so long, each time that one comes
 
 
 def refusal(goal: Goal, start: Reference, reach: Reach) -> Refusal | None:
@@ -50,6 +51,9 @@ def path_refusal(plan: Plan, goal: Goal, reach: Reach) -> Refusal | None:
     A start outside of the fence is not held against a plan that leads back in: what comes after the first instant
     inside counts, and the end. A polynomial's motion is held against the limits too. Costs 1 to 10 ms.
     """
+    lasts_s, allowed_s = plan.end_s - plan.start_s, 2.0 * reach.max_duration_s  # the goal, and the way there
+    if not lasts_s <= allowed_s:
+        return Refusal(_place_of(goal), f"takes {lasts_s:.0f} s; at most {allowed_s:g} s are allowed")
     inside = False
     for reference in plan.outline(_OUTLINE):
         found = reach.fence(reference.position_ned_m)
@@ -88,7 +92,9 @@ def _refusals(goal: Goal, start: Reference, reach: Reach) -> Iterator[Refusal]:
     elif isinstance(goal, PolynomialGoal):
         yield from _polynomial(goal, reach)
     elif isinstance(goal, StreamGoal):
-        yield from _duration(goal.timeout_s, "stream.timeout_s", reach)
+        if not 0.0 < goal.timeout_s <= reach.max_stream_timeout_s:
+            most = f"{reach.max_stream_timeout_s:g} s"
+            yield Refusal("stream.timeout_s", f"{goal.timeout_s:g} s are not within 0 to {most}")
     else:
         yield from _duration(goal.duration_s, "trajectory.duration_s", reach)
 

@@ -20,7 +20,7 @@ from daemon.pipeline import Parameters, Record
 from daemon.safety.dead_man import SetpointGate, boot_clock
 from daemon.safety.geofence import Geofence
 from daemon.safety.supervisor import OURS
-from daemon.settings import Config
+from daemon.settings import Config, require_hover
 
 RELEASE_S = 1.2
 HOLD_TRIES, HOLD_PAUSE_S = 4, 0.1
@@ -113,6 +113,7 @@ class Vehicle:
 
     def set_config(self, config: Config) -> None:
         """Fly with other gains and limits from the next tick on. Raises ``ValueError`` and changes nothing."""
+        require_hover(config.control, self.control.state.control.model.hover_thrust)
         before = self.parameters.value
         made = pipeline_parameters(config, before.bounds.fence, before.control.hover_thrust)
         guidance = guidance_parameters(config)

@@ -58,3 +58,12 @@ def test_repeats_are_left_out_and_counted() -> None:
     assert repeats(None, "warning", {"part": "link", "event": "other"}) == {"part": "link", "event": "other"}
     now[0] = WINDOW_S + 1.0
     assert repeats(None, "warning", {"part": "link", "event": "rebooted"})["left_out"] == 500 - BURST
+
+
+def test_a_reader_that_went_away_costs_lines_and_raises_nothing() -> None:
+    class Gone(io.StringIO):
+        def write(self, _text: str) -> int:
+            raise BrokenPipeError
+
+    logs.configure("info", Gone())
+    logs.get("test").info("nobody reads this")

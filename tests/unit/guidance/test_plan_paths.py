@@ -1,0 +1,46 @@
+"""A plan's path, which is drawn and held against the fence within the loop that flies."""
+
+from math import dist
+
+import pytest
+
+from daemon.guidance.filter_plan import FilterPlan
+from daemon.guidance.heading import HeadedPlan, along_velocity
+from daemon.guidance.limits import MotionLimits
+from daemon.guidance.parameters import GuidanceParameters
+from daemon.guidance.plan import HoldPlan, Plan, SequencePlan
+from daemon.messages import Reference
+
+LIMITS = MotionLimits()
+
+
+class _Counted(HoldPlan):
+    """An hour in one place that counts how often it is looked at."""
+
+    looks = 0
+
+    def sample(self, time_s: float) -> Reference:
+        self.looks += 1
+        return super().sample(time_s)
+
+
+@pytest.mark.parametrize("wrapped", ["alone", "after another plan", "after a reset"])
+def test_the_outline_of_a_long_plan_with_a_heading_costs_its_points_only(wrapped: str) -> None:
+    start = Reference(0.0, (0.0, 0.0, -5.0))
+    counted = _Counted(start, 3600.0)
+    plan: Plan = HeadedPlan(counted, start, along_velocity, LIMITS, 1.0)
+    if wrapped == "after another plan":
+        plan = SequencePlan((HoldPlan(start), plan))
+    elif wrapped == "after a reset":
+        plan = plan.shifted((1.0, 0.0, 0.0), (0.1, 0.0, 0.0), 0.1, 10.0)
+    counted.looks = 0
+    assert len(plan.outline(100)) == 100
+    assert counted.looks <= 200
+
+
+@pytest.mark.parametrize("omega_rad_s", [0.1, 1.0, 5.0])
+def test_the_outline_of_a_filter_is_near_what_is_flown_however_slow_the_filter(omega_rad_s: float) -> None:
+    start = Reference(0.0, (0.0, 0.0, -5.0), velocity_ned_m_s=(0.1, 3.0, 0.0), acceleration_ned_m_s2=(0.0, 1.0, 0.0))
+    plan = FilterPlan(start, (300.0, 20.0, -15.0), 0.0, LIMITS, GuidanceParameters(omega_rad_s=omega_rad_s))
+    for seen in plan.outline(60):
+        assert dist(seen.position_ned_m, plan.sample(seen.time_s).position_ned_m) < 1.0
