@@ -21,6 +21,11 @@ check: $(STAMP)
 bench: $(STAMP)
 	$(BIN)/flightd bench loop --against docs/measurements-loop.json
 
+# The long forms of what CI runs short: hostile lines, thousands of goals, a flood while flying, a thousand preemptions.
+soak: $(STAMP)
+	FLIGHTD_SOAK=100 $(BIN)/pytest -s tests/process/test_socket_soak.py tests/closed_loop/test_preemptions.py
+	$(BIN)/flightd bench goals --count 10000
+
 # Flies every fault and writes the measured responses, and the supervisor's diagram, into the document.
 fault-matrix: $(STAMP)
 	PYTHONPATH=tests $(BIN)/python -m support.fault_table docs/safety.md
@@ -28,6 +33,7 @@ fault-matrix: $(STAMP)
 # Mutation testing of what keeps the vehicle safe; takes hours on all modules, so one can be named: MODULE=daemon/frames.py
 MODULE ?= daemon/safety daemon/control daemon/frames.py daemon/pipeline.py
 mutate: $(STAMP)
+	$(BIN)/pip install --quiet 'cosmic-ray>=8.3,<9'
 	PYTHONPATH=tests $(BIN)/python -m support.mutate $(MODULE)
 
 # Flies each kind of goal in virtual time and draws the pictures of docs/guidance.md.
