@@ -18,6 +18,7 @@ from daemon.sim.mavlink_codec import MavlinkCodec
 
 HOLD = 0x03040000
 PATIENCE_S = 60.0
+CLOCK_BEHIND_S = 0.75
 
 
 class UdpPx4(asyncio.DatagramProtocol):
@@ -84,6 +85,10 @@ class UdpPx4(asyncio.DatagramProtocol):
                                               "target_component": message[3]})  # fmt: skip
                 for event in self.events_after_ack if number in self.results else []:
                     self.send("EVENT", event)
+            elif name == "TIMESYNC" and fields["tc1"] == 0:
+                shows_s = asyncio.get_running_loop().time() - CLOCK_BEHIND_S
+                self.send("TIMESYNC", {"tc1": round(shows_s * 1e9), "ts1": fields["ts1"],
+                                       "target_system": message[2], "target_component": message[3]})  # fmt: skip
             elif name == "PARAM_REQUEST_READ":
                 self._answer_parameter(fields["param_id"])
 
@@ -160,6 +165,16 @@ async def test_on_connect_the_whole_table_is_asked_for_and_telemetry_comes_out_i
         assert odometry.position_variance_m2[0] != odometry.position_variance_m2[0]
         version = link.odometry.version
         await until(lambda: link.odometry.version > version + 5)
+
+
+async def test_the_autopilots_clock_is_known_by_timesync_and_its_requests_are_answered() -> None:
+    async with connected() as (link, px4):
+        await until(lambda: link.clock.value is not None)
+        sync = link.clock.value
+        assert sync is not None
+        assert abs(sync.offset_s - CLOCK_BEHIND_S) <= sync.uncertainty_s + 1e-4
+        px4.send("TIMESYNC", {"tc1": 0, "ts1": 12_345_678_901})
+        await until(lambda: any(f["ts1"] == 12_345_678_901 and f["tc1"] > 0 for f in px4.of("TIMESYNC")))
 
 
 async def test_setpoints_arrive_as_sent_addressed_to_the_vehicle_also_from_another_thread() -> None:

@@ -84,7 +84,8 @@ def test_live_view_shows_error_goal_and_events():
     picture = Picture()
     vector = {"position_ned_m": [1.0, 2.0, -3.0], "velocity_ned_m_s": [0.0, 0.0, 0.0]}
     feedback = {"goal_id": "g-1", "distance_m": 4.0, "angle_deg": 1.0, "progress": 0.5, "eta_s": 3.0}
-    event = {"time_s": 1.0, "code": "reset", "text": "the heading was reset", "goal_id": None, "field": None, "reset": None}
+    event = {"time_s": 1.0, "code": "reset", "text": "the heading was reset", "goal_id": None, "field": None}
+    event |= {"reset": None}
     picture.take(Telemetry("state", vector | {"age_s": 0.004}))
     picture.take(Telemetry("reference", vector | {"position_ned_m": [1.0, 2.5, -3.0]}))
     picture.take(Telemetry("goal", feedback | {"notification": "goal.feedback"}))

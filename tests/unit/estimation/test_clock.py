@@ -202,8 +202,9 @@ def test_a_timesync_that_puts_samples_into_the_future_is_not_believed():
 
 def test_an_uncertain_or_old_timesync_is_not_believed():
     samples = slow_way(600)
-    for sync in (ClockSync(samples[300][0], 50.0, 0.0, 0.021), ClockSync(0, 50.0, 0.0, 0.001)):
-        found = [f for _, f, _ in run([s[:2] for s in samples], syncs=repeat(sync))]
+    for age_us, uncertain_s in ((0, 0.021), (1_010_000, 0.001)):
+        syncs = [ClockSync(stamp_us - age_us, 50.0, 0.0, uncertain_s) for stamp_us, _, _ in samples]
+        found = [f for _, f, _ in run([s[:2] for s in samples], syncs=syncs)]
         assert found[-1] - samples[-1][2] == pytest.approx(WAY_S - LATENCY_S, abs=0.003)
 
 

@@ -380,3 +380,29 @@ def test_a_step_of_the_autopilots_clock_is_no_reset(circle, step_us):
     estimates = fly(circle[:100] + stepped)
     assert [event.name for _, event in events(estimates)] == ["clock_stepped"]
     assert estimates[-1].age_s < 0.02
+
+
+@pytest.fixture
+def long_circle(circling):
+    """Four seconds: the clock is known well by then."""
+    return [circling(BEGIN_S + SPACING_S * i) for i in range(400)]
+
+
+def assert_nothing_but_the_clock_stepped(messages):
+    estimates = fly(messages)
+    assert [(e.name, e.cause) for estimate in estimates for e in estimate.events] == [("clock_stepped", "")]
+    assert not [estimate.refused for estimate in estimates if estimate.refused]
+    for message, estimate in zip(messages, estimates, strict=True):
+        assert estimate.newest.position_ned_m == pytest.approx(message.position_m, abs=0.02)
+
+
+@pytest.mark.parametrize("step_us", [50_000, 200_000])
+def test_a_clock_that_steps_ahead_moves_nothing(long_circle, step_us):
+    late = [replace(m, stamp_us=m.stamp_us + step_us) for m in long_circle[350:]]
+    assert_nothing_but_the_clock_stepped(long_circle[:350] + late)
+
+
+def test_a_delay_that_ends_at_once_is_motion(long_circle):
+    """Of the samples that had been on their way only the newest is seen: 0.16 s of flight within 0.01 s."""
+    delayed = [replace(m, arrival_s=m.arrival_s + 0.15) for m in long_circle[:350]]
+    assert_nothing_but_the_clock_stepped(delayed + long_circle[365:])
