@@ -19,6 +19,7 @@ from daemon.goals.schema import (
     Trajectory,
     Vector3,
     Waypoint,
+    check_unit,
     missing,
     refuse,
 )
@@ -158,6 +159,11 @@ class EstimatorPose(Params):
     orientation: Quaternion
     covariance: Annotated[list[NotNegative], Field(min_length=6, max_length=6)] | None = None
     stamp_s: Number | None = None
+
+    @model_validator(mode="after")
+    def _unit(self) -> Self:
+        check_unit(self.orientation)
+        return self
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -181,12 +181,17 @@ def _check_global(frame: str, field: str, position: tuple[float, float, float] |
             raise refuse(f"{field}[{index}]", f"{name} {position[index]:g} deg is not within {-bound:g} to {bound:g}")
 
 
-def _check_orientation(frame: str, orientation: tuple[float, float, float, float] | None) -> None:
-    if orientation is None:
-        return
+def check_unit(orientation: tuple[float, float, float, float]) -> None:
+    """Raise unless it is a unit quaternion."""
     length = sqrt(sum(x * x for x in orientation)) if max(map(abs, orientation)) < 1e6 else float("inf")
     if abs(length - 1.0) > UNIT_TOLERANCE:
         raise refuse("orientation", f"must be a unit quaternion [w, x, y, z]; its length is {length:g}")
+
+
+def _check_orientation(frame: str, orientation: tuple[float, float, float, float] | None) -> None:
+    if orientation is None:
+        return
+    check_unit(orientation)
     down = frames.down_axis(frames.normalized(orientation))[2] * (-1.0 if frame == "local_enu" else 1.0)
     tilt_deg = degrees(acos(frames.clamp(down, -1.0, 1.0)))
     if tilt_deg > MAX_TILT_DEG:

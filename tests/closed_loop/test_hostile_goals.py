@@ -7,6 +7,7 @@ from support.flight import CALLER, Flight, fly
 
 from daemon.goals.errors import ErrorCode, ProtocolError
 from daemon.goals.methods import ConfigSet
+from daemon.goals.protocol import Refusal, interpret
 
 AHEAD = {"position": [40, 0, -5]}
 REFUSED: list[tuple[dict[str, Any], str]] = [
@@ -57,3 +58,11 @@ def test_thrust_is_held_against_what_the_vehicle_was_learned_to_hover_with() -> 
             await flight.service.config_set(ConfigSet(path="control.thrust_max", value=1.05 * learned), CALLER)
 
     fly(scenario, airframe="x500")
+
+
+@pytest.mark.parametrize("orientation", [[0, 0, 0, 0], [1e300, 0, 0, 0], [2, 0, 0, 0]])
+def test_a_pose_from_outside_that_is_no_rotation_is_refused_by_its_field(orientation: list[float]) -> None:
+    pose = {"position": [0, 0, -5], "orientation": orientation}
+    found = interpret({"jsonrpc": "2.0", "method": "estimator.pose", "params": pose}, operator=True)
+    assert isinstance(found, Refusal)
+    assert (found.error.code, found.error.field) == (ErrorCode.REFUSED, "orientation")
