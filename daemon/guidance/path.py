@@ -61,7 +61,10 @@ def stop_path(start: Reference, waypoints: tuple[WaypointGoal, ...], limits: Mot
 def fly_by_path(
     start: Reference, waypoints: tuple[WaypointGoal, ...], limits: MotionLimits, omega_yaw_rad_s: float
 ) -> Plan:
-    """One minimum-snap path through the waypoints, from the flown state or, when that is quicker, after a brake."""
+    """One minimum-snap path through the waypoints, from the flown state or, when that is quicker, after a brake.
+
+    Points so unevenly spaced that the curve would swing out far and slowly are stopped at instead.
+    """
     points = _points(start, waypoints, limits)
     moving = through(start, points, limits)
     stopped = brake(start, limits)
@@ -71,7 +74,7 @@ def fly_by_path(
     elif moving is not None:
         path, snap = SequencePlan((moving,)), moving
     else:
-        return SequencePlan(legs_to(start, points[-1], start.yaw_rad, limits))
+        return stop_path(start, waypoints, limits)
     return HeadedPlan(path, start, _headings(start, waypoints, snap), limits, omega_yaw_rad_s)
 
 
