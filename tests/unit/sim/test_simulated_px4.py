@@ -250,7 +250,7 @@ def acks(messages):
 @pytest.mark.parametrize("land", [(176, 1.0, 4.0, 6.0), (21,)])
 def test_without_a_position_hold_is_refused_and_land_is_taken_and_descends(land):
     """As PX4 in SITL does: Land is forced (Commander::handle_command), the failsafe makes Descend of it."""
-    px4 = offboard_without_gps(10.0)
+    px4 = offboard_without_gps(30.0)
     command(px4, 176, 1.0, 4.0, 3.0)
     assert acks(fly(px4, 0.1)) == [(176, 0), (176, 1)]
     assert px4.mode is FlightMode.OFFBOARD
