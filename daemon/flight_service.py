@@ -255,8 +255,10 @@ class Service:
         record = self._vehicle.control.record.value
         if record is None or record.estimate.newest is None:
             raise ProtocolError(ErrorCode.WRONG_STATE, "there is no estimate of where the vehicle is")
+        here = pipeline.at_rest(record.estimate.newest, record.now_s)
         return orders.Place(
-            flown=record.reference or pipeline.at_rest(record.estimate.newest, record.now_s),
+            flown=record.reference or here,
+            here=here,
             status=self._vehicle.autopilot.status.value,
             fence=self._vehicle.fence,
             max_distance_m=self._vehicle.config.guidance.max_distance_m,

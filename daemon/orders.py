@@ -43,9 +43,10 @@ NAMED_HEADINGS: dict[str, Heading] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """Where the vehicle is and what bounds it when a goal is accepted; a plan starts from ``flown``."""
+    """What bounds a goal when it is accepted: a plan starts from ``flown``, ``body_frd`` is seen from ``here``."""
 
     flown: Reference
+    here: Reference
     status: AutopilotStatus
     fence: Geofence
     max_distance_m: float
@@ -169,8 +170,8 @@ def _point(position: Vec3, frame: str, field: str, place: Place, status: Autopil
     if frame == "local_enu":
         return frames.ned_from_enu(position)
     if frame == "body_frd":
-        ahead = frames.rotate_about_down(position, place.flown.yaw_rad)
-        return frames.add(place.flown.position_ned_m, ahead)
+        ahead = frames.rotate_about_down(position, place.here.yaw_rad)
+        return frames.add(place.here.position_ned_m, ahead)
     if frame == "global":
         if status.global_origin is None:
             reason = "the autopilot has not told where its local frame lies on the globe"
@@ -182,11 +183,11 @@ def _point(position: Vec3, frame: str, field: str, place: Place, status: Autopil
 def _direction(axis: Vec3, frame: str, place: Place) -> Vec3:
     if frame == "local_enu":
         return frames.ned_from_enu(axis)
-    return frames.rotate_about_down(axis, place.flown.yaw_rad) if frame == "body_frd" else axis
+    return frames.rotate_about_down(axis, place.here.yaw_rad) if frame == "body_frd" else axis
 
 
 def _attitude(waypoint: schema.Waypoint, place: Place) -> Quat | None:
-    frame, now_rad = waypoint.frame, place.flown.yaw_rad
+    frame, now_rad = waypoint.frame, place.here.yaw_rad
     if waypoint.orientation is not None:
         q = frames.normalized(waypoint.orientation)
         if frame == "local_enu":

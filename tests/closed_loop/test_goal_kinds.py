@@ -110,6 +110,7 @@ def test_frames_and_modes_mean_what_the_protocol_says(
     async def scenario(flight: Flight) -> None:
         await flight.airborne()
         await flight.result(await flight.goto(0.0, 0.0, -5.0, yaw_deg=90.0))
+        await flight.until(lambda since=flight.now_s: flight.now_s - since > 4.0)
         entry = await flight.result(await flight.submit(waypoint=waypoint))
         assert entry.outcome == "succeeded"
         reference = flight.records[-1].reference

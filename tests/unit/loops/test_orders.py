@@ -30,7 +30,8 @@ YAW = radians(30.0)
 HERE: Vec3 = (2.0, 3.0, -10.0)
 FENCE = Geofence(radius_m=100.0, floor_m=1.0, ceiling_m=50.0)
 PLACE = Place(
-    flown=Reference(7.0, HERE, yaw_rad=YAW),
+    flown=Reference(7.0, (2.4, 2.8, -10.0), yaw_rad=YAW - 0.1),
+    here=Reference(7.0, HERE, yaw_rad=YAW),
     status=AutopilotStatus(connected=True, global_origin=ORIGIN),
     fence=FENCE,
     max_distance_m=90.0,
