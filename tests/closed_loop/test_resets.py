@@ -121,3 +121,32 @@ def test_planners_outside_hear_what_was_reset_and_by_how_much(
     assert event["reset"]["kinds"] == kinds
     assert event["reset"]["counter_steps"] == (2 if kinds == ["position_ne"] else 1)
     assert event["reset"][key] == pytest.approx(size, abs=0.2 if isinstance(size, list) else 1.0)
+
+
+@pytest.mark.parametrize("offset_s", [-0.02, 0.0, 0.02], ids=["reset first", "at once", "goal first"])
+def test_a_reset_during_a_preemption_ends_neither_goal_and_keeps_the_new_one_in_its_place(offset_s: float) -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne()
+        first = await flight.goto(10.0, 0.0, -5.0)
+        await flight.until(lambda: flight.position[0] > 3.0)
+        since_s, place = flight.now_s, flight.position
+        if offset_s <= 0.0:
+            flight.px4.inject(EkfReset(kind="position_ne", size_m=3.0))
+            await flight.until(lambda: flight.now_s - since_s >= -offset_s)
+        seen = flight.records[-1].estimate.shift.count > 0
+        second = await flight.goto(6.0, 8.0, -6.0)
+        if offset_s > 0.0:
+            await flight.until(lambda: flight.now_s - since_s >= offset_s)
+            flight.px4.inject(EkfReset(kind="position_ne", size_m=3.0))
+        entry = await flight.result(second)
+        assert entry.outcome == "succeeded"
+        assert [(e.goal_id, e.outcome) for e in flight.ended] == [(first, "preempted"), (second, "succeeded")]
+        shift = flight.records[-1].estimate.shift.position_ned_m
+        assert dist(shift, (0.0, 0.0, 0.0)) == pytest.approx(3.0, abs=0.1)
+        # A goal that was given in the numbers of before keeps its place; one given afterwards means the new numbers.
+        wanted = (6.0 - shift[0], 8.0 - shift[1], -6.0) if seen else (6.0, 8.0, -6.0)
+        assert dist(flight.position, wanted) < 0.35
+        steps = [dist(a, b) for a, b in zip(flight.truths, flight.truths[1:], strict=False) if dist(a, place) < 1.5]
+        assert max(steps) < 0.07, "the vehicle must not lurch"
+
+    fly(scenario)
