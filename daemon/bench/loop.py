@@ -139,6 +139,8 @@ def figures_of(said: Figures, log: Figures, period_s: float) -> Figures:
     figures = {
         "setpoints": len(setpoints),
         "period_p50_ms": 1e3 * quantile(gaps, 0.5),
+        "period_p99_ms": 1e3 * quantile(gaps, 0.99),
+        "period_max_ms": 1e3 * max(gaps, default=0.0),
         "deviation_p50_ms": 1e3 * quantile([abs(gap - period_s) for gap in gaps], 0.5),
         "deviation_p99_ms": 1e3 * quantile([abs(gap - period_s) for gap in gaps], 0.99),
         "delay_p50_ms": 1e3 * quantile(delays, 0.5),

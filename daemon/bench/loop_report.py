@@ -41,7 +41,8 @@ def table(figures: dict[str, Figures]) -> str:
 def _inside(name: str, f: Figures) -> str:
     stages = ", ".join(f"{stage} {cost:.0f}" for stage, cost in f["stages_us"].items())
     return (
-        f"{name}: step p50 {f['step_p50_us']:.0f} p99 {f['step_p99_us']:.0f} us ({stages}); late {f['late']:.0f},"
+        f"{name}: period p99 {f['period_p99_ms']:.2f} max {f['period_max_ms']:.2f} ms;"
+        f" step p50 {f['step_p50_us']:.0f} p99 {f['step_p99_us']:.0f} us ({stages}); late {f['late']:.0f},"
         f" missed {f['missed']:.0f}; {f['collections']:.0f} collections of garbage, longest"
         f" {f['collection_max_ms']:.2f} ms; memory {f['rss_first_mb']:.1f} to {f['rss_last_mb']:.1f} MB;"
         f" {f['cpu_s_per_minute']:.1f} CPU s a flown minute"
