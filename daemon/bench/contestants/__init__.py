@@ -1,0 +1,1 @@
+"""Plain clients that the benchmark of the loop compares the daemon with."""
