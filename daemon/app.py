@@ -18,6 +18,7 @@ from daemon.goals.hub import Hub
 from daemon.goals.server import GoalServer
 from daemon.goals.sockets import Listener, Operators, SocketInUseError, activated, listen, server_path
 from daemon.journal import Journal
+from daemon.log_thread import stderr_beside
 from daemon.loops.grid import live_alarm
 from daemon.loops.phase_lock import PhaseLock
 from daemon.loops.vehicle import Vehicle
@@ -57,8 +58,9 @@ def run(
         config = load(config_files, overrides)
     except ConfigError as error:
         return _complain(error)
-    logs.configure(config.log.level)
-    return asyncio.run(_main(config, socket, watch))
+    with stderr_beside(lambda lost: logs.get("log").warning("log_lines_lost", lost=lost)):
+        logs.configure(config.log.level)
+        return asyncio.run(_main(config, socket, watch))
 
 
 def check_config(config_files: list[Path]) -> int:
