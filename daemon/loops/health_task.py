@@ -125,10 +125,11 @@ class HealthTask:
         return status.home_ned_m or ZERO3
 
     async def _ask_parameters(self) -> None:
-        """Take the hover thrust that the autopilot is configured with, and warn of dangerous parameters."""
+        """Take the autopilot's hover thrust where the configuration has none, and warn of dangerous parameters."""
         vehicle = self._vehicle
         hover = await vehicle.autopilot.read_parameter(HOVER_PARAMETER, PARAMETER_TIMEOUT_S)
-        if hover is not None and HOVER_RANGE[0] <= hover <= HOVER_RANGE[1]:
+        configured = vehicle.config.control.hover_thrust is not None
+        if not configured and hover is not None and HOVER_RANGE[0] <= hover <= HOVER_RANGE[1]:
             before = vehicle.parameters.value
             made = pipeline_parameters(vehicle.config, before.bounds.fence, float(hover))
             vehicle.parameters.set(replace(made, fence_shift=before.fence_shift))
