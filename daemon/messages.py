@@ -6,8 +6,9 @@ Times named ``*_s`` are seconds of the event loop's clock unless the name says o
 autopilot's clock).
 """
 
-from dataclasses import dataclass
 from enum import Enum, IntEnum
+
+from daemon.values import value
 
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
@@ -72,7 +73,7 @@ class MavFrame(IntEnum):
     LOCAL_FRD = 20
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Odometry:
     """One ODOMETRY message as it came: nothing checked, nothing rotated.
 
@@ -93,7 +94,7 @@ class Odometry:
     reset_counter: int
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Imu:
     """One HIGHRES_IMU message: specific force (reads -g at rest), angular rate, magnetic field."""
 
@@ -104,7 +105,7 @@ class Imu:
     magnetic_field_frd_gauss: Vec3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class ClockSync:
     """What TIMESYNC says of the autopilot's clock: ``offset_s`` is loop time minus autopilot time at ``stamp_us``.
 
@@ -121,7 +122,7 @@ class ClockSync:
         return self.offset_s + self.drift * (stamp_us - self.stamp_us) * 1e-6
 
 
-@dataclass(frozen=True, slots=True)
+@value(eq=True)
 class GlobalPosition:
     """WGS84 position: degrees, and metres above mean sea level."""
 
@@ -130,7 +131,7 @@ class GlobalPosition:
     altitude_amsl_m: float
 
 
-@dataclass(frozen=True, slots=True)
+@value(eq=True)
 class ModeRefusal:
     """The autopilot refused a mode that we asked for: which, why in words, and when (loop clock)."""
 
@@ -139,7 +140,7 @@ class ModeRefusal:
     time_s: float
 
 
-@dataclass(frozen=True, slots=True)
+@value(eq=True)
 class AutopilotStatus:
     """What the autopilot says of itself, newest of each message; ``heartbeat_s`` is the last HEARTBEAT's arrival.
 
@@ -162,7 +163,7 @@ class AutopilotStatus:
     mode_refusal: ModeRefusal | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class EstimatedState:
     """The vehicle at ``time_s``. ``position_variance_m2`` is the largest of the three axes."""
 
@@ -174,7 +175,7 @@ class EstimatedState:
     position_variance_m2: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class ExternalPose:
     """A pose from outside (motion capture, visual odometry) in local NED, true at ``stamp_s`` of the loop's clock.
 
@@ -188,7 +189,7 @@ class ExternalPose:
     angle_variance_rad2: Vec3 | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Reset:
     """A jump of the autopilot's estimate that is not motion: what it is called and by how much (new minus old).
 
@@ -204,7 +205,7 @@ class Reset:
     truth_returned: bool = False
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class FrameShift:
     """Sum of all resets so far: what a number of the world frame of the beginning is called now.
 
@@ -219,7 +220,7 @@ class FrameShift:
     yaw_rad: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Reference:
     """Where the vehicle is wanted at ``time_s``: flat outputs and their derivatives."""
 
@@ -235,7 +236,7 @@ class Reference:
 WINDOW_SPACING_S = 0.01
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class ReferenceWindow:
     """The reference of the next half second and more, at ``WINDOW_SPACING_S``; immutable, published by guidance.
 
@@ -247,7 +248,7 @@ class ReferenceWindow:
     shift: FrameShift
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Setpoint:
     """What PX4 flies: body rates (FRD) and collective thrust, 0 to 1 of the normalized command."""
 
@@ -265,7 +266,7 @@ class RequestKind(Enum):
     TAKEOFF = "takeoff"
 
 
-@dataclass(frozen=True, slots=True)
+@value(eq=True)
 class VehicleRequest:
     """A request, taken once: ``serial`` steps with each."""
 

@@ -38,6 +38,7 @@ from daemon.safety import supervision as safety
 from daemon.safety.conditions import Bounds, Conditions, Facts
 from daemon.safety.supervision import Drive, Supervision, Timing
 from daemon.safety.supervisor import FLYING, OURS, State
+from daemon.values import value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +59,7 @@ class Parameters:
     fence_shift: FrameShift = field(default_factory=FrameShift)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Inputs:
     """The newest of everything at this tick; what did not change since the last tick is the same object."""
 
@@ -73,7 +74,7 @@ class Inputs:
     clock: ClockSync | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class PipelineState:
     """Memory between ticks. ``flown`` is the reference of the last tick, the one that a new plan starts from."""
 
@@ -86,7 +87,7 @@ class PipelineState:
     braking: Plan | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Record:
     """All that happened in a tick, for the tasks, the flight record and the replay."""
 

@@ -5,7 +5,7 @@ Time constants and dead times: the caller predicts the state to the moment at wh
 lags of rates and thrust, is compensated here.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from daemon.control import attitude_laws, flatness, limits, vehicle_model
 from daemon.control.law import NOTHING, ControlRecord, Flow, Memory, fly
@@ -20,12 +20,13 @@ from daemon.frames import (
     subtract,
 )
 from daemon.messages import ZERO3, EstimatedState, Reference, Reset, Setpoint
+from daemon.values import value
 
 RESTART_S = 0.5  # memories of the flow are forgotten after a longer pause
 _MATCH_COSINE_MIN = 0.5  # thrust is raised for a tilt up to 60 degrees
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class ControlState:
     """Memory between two steps: last command (None: none yet), vehicle model, filter of the feed-forward."""
 

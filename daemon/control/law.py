@@ -1,6 +1,5 @@
 """The law itself: position law, thrust vector, attitude, attitude law with feed-forward, thrust map."""
 
-from dataclasses import dataclass
 from math import exp
 
 from daemon.control import attitude_laws, flatness, limits, position_law, thrust_map, velocity_yaw
@@ -8,9 +7,10 @@ from daemon.control.parameters import AttitudeLaw, ControlParameters
 from daemon.control.vehicle_model import VehicleModel
 from daemon.frames import add, conjugate, dot, down_axis, multiply, rotate, subtract
 from daemon.messages import IDENTITY, ZERO3, EstimatedState, Quat, Reference, Setpoint, Vec3
+from daemon.values import value
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class ControlRecord:
     """What the law saw and did in one step; errors are measured minus reference.
 
@@ -33,7 +33,7 @@ class ControlRecord:
     acceleration_ned_m_s2: Vec3 = ZERO3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Memory:
     """What the law remembers: the lead filter's state, and the heading while it flies along the velocity."""
 
@@ -44,7 +44,7 @@ class Memory:
 NOTHING = Memory()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Flow:
     """What one pass through the law gives, before the setpoint's limits."""
 

@@ -7,16 +7,16 @@ metre per second while its position does not, and the law would stand aside of t
 Luenberger, second order, both poles at the bandwidth, discretized exactly.
 """
 
-from dataclasses import dataclass
 from math import exp, hypot
 
 from daemon.frames import clamp
 from daemon.messages import ZERO3, Vec3
+from daemon.values import value
 
 STEP_MAX_S = 0.1  # a longer gap between samples starts the observer's quantity anew
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Observer:
     """``unexplained`` is the slow part, in units of the derivative; the other fields are memory. World: NED."""
 

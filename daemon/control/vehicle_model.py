@@ -1,6 +1,6 @@
 """What the vehicle does with our commands, learned in flight: disturbance, velocity bias, hover thrust."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import exp
 
 from daemon.control import hover_thrust, observer, thrust_map
@@ -9,13 +9,14 @@ from daemon.control.observer import START, Observer
 from daemon.control.parameters import ControlParameters
 from daemon.frames import add, clamp, down_axis, norm, normalized, rotate_about_down, scale, tilt_of
 from daemon.messages import ZERO3, EstimatedState, Quat, Reset, Vec3
+from daemon.values import value
 
 _MEMORY_S = 0.3  # commands that acted longer ago than this are forgotten
 _AT_REST_M_S = 0.5  # below it a vehicle that we take over is believed to hover
 _HOVER_RANGE = (0.02, 0.98)  # hover thrust of any vehicle that flies
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class VehicleModel:
     """Memory of the model.
 

@@ -14,6 +14,7 @@ from enum import Enum
 
 from daemon.frames import clamp
 from daemon.messages import ClockSync
+from daemon.values import value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +62,7 @@ class Verdict(Enum):
     SET_BACK = "set_back"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class ClockState:
     """``offset_s``: loop time minus autopilot time at ``stamp_us``; the rest is the memory of drift and step.
 

@@ -1,18 +1,17 @@
 """What a sample is to the one before it: its motion, a reset, a slide, or a jump to refuse."""
 
-from dataclasses import dataclass
-
 from daemon.estimation import reset_tracker, slide
 from daemon.estimation.gate import Sample
 from daemon.estimation.reset_tracker import Innovation, ResetParameters
 from daemon.estimation.slide import SETTLED, SlideParameters, SlideState
 from daemon.frames import add, norm
 from daemon.messages import ZERO3, Reset, Vec3
+from daemon.values import value
 
 _SHORTEST_S = 1e-3  # between two samples of a clock that was set anew
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Outcome:
     """``reset`` is what the autopilot did, ``through`` what of it comes through with this sample.
 

@@ -17,6 +17,7 @@ from daemon.estimation.mahony import (
 )
 from daemon.frames import clamp, cross, dot, norm, rotate_inverse
 from daemon.messages import GRAVITY_M_S2, Imu, Quat, Vec3
+from daemon.values import value
 
 _DOWN: Vec3 = (0.0, 0.0, 1.0)
 
@@ -37,7 +38,7 @@ class CrossCheckParameters:
     gap_s: float = 0.5
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class CrossCheckState:
     """The filter, and the comparison: ``disagreement_rad`` low-passed, ``lasting_s`` for how long beyond the bound."""
 

@@ -12,6 +12,7 @@ from daemon.estimation.intake import Event, IntakeParameters, IntakeState, take
 from daemon.estimation.quality import Quality
 from daemon.frames import clip_norm, is_finite
 from daemon.messages import ZERO3, ClockSync, EstimatedState, ExternalPose, FrameShift, Imu, Odometry, Reset, Vec3
+from daemon.values import value
 
 _NOT_FUSED = Fused(None)
 
@@ -27,7 +28,7 @@ class EstimatorParameters(IntakeParameters):
     fusion: FusionParameters | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class EstimatorState:
     """Memory of the parts."""
 
@@ -36,7 +37,7 @@ class EstimatorState:
     fusion: FusionState | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Estimate:
     """What a tick knows of the vehicle.
 

@@ -18,6 +18,7 @@ from scipy.linalg.lapack import dposv
 from daemon.estimation.filter_control import Control, ControlAcceleration, ControlParameters, control_acceleration
 from daemon.estimation.motion_model import ANGLES, POSE_SIZE, STATE_SIZE, TWIST_SIZE, Matrix, Vector
 from daemon.frames import wrap_pi
+from daemon.values import value
 
 Predictor = Callable[[Vector, Matrix, float, ControlAcceleration, Matrix], tuple[Vector, Matrix]]
 """(x, P, dt_s, control acceleration, process noise of dt_s) -> (x, P) after dt_s."""
@@ -51,7 +52,7 @@ class FilterParameters:
     control: ControlParameters | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class FilterState:
     """Estimate ``x`` (15), covariance ``P`` (15 x 15) at ``stamp_s``; ``predicted_x`` is x before the correction."""
 
@@ -63,7 +64,7 @@ class FilterState:
     control: Control | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Measurement:
     """Measured part of the state: values (m) at the places ``indices`` with covariance (m x m).
 
@@ -78,7 +79,7 @@ class Measurement:
     source: str = ""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Correction:
     """What became of a measurement, for record and debugging.
 

@@ -21,6 +21,7 @@ from daemon.estimation.fusion_shift import shifted_filter, shifted_pose
 from daemon.estimation.lagged import LaggedState, take
 from daemon.frames import clamp, from_rpy, rotate, rotate_inverse, to_rpy
 from daemon.messages import ZERO3, EstimatedState, ExternalPose, Reset, Vec3
+from daemon.values import value
 
 _VARIANCE_UNKNOWN = 1e6  # m2 or rad2
 _RESETS_KEPT = 8  # more within the history of a late pose there will not be
@@ -69,7 +70,7 @@ class FusionParameters:
     restart_s: float = 0.5
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class FusionState:
     """The filter with its history, what was taken last, and the resets that a late pose may still have to be told."""
 
@@ -81,7 +82,7 @@ class FusionState:
     pose_accepted_s: float = -inf
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Fused:
     """Estimate of a tick, None before the first odometry; corrections made in it; ``restarted``: the filter gave up."""
 

@@ -6,6 +6,7 @@ from math import exp, hypot, inf
 
 from daemon.frames import is_finite, normalized, rotate
 from daemon.messages import MavFrame, Odometry, Quat, Vec3
+from daemon.values import value
 
 
 class Refusal(IntEnum):
@@ -43,7 +44,7 @@ class GateParameters:
     counts_decay_s: float = 10.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Sample:
     """One ODOMETRY whose content is good, in NED.
 
@@ -60,7 +61,7 @@ class Sample:
     reset_counter: int
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Counts:
     """Refusals by reason, each worth 1 when it happens and e^-1 of it ``counts_decay_s`` later; as of ``time_s``."""
 

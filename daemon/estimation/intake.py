@@ -11,6 +11,7 @@ from daemon.estimation.reset_tracker import ResetParameters, accumulated
 from daemon.estimation.slide import SETTLED, SlideParameters, SlideState
 from daemon.frames import subtract
 from daemon.messages import ClockSync, EstimatedState, FrameShift, Odometry, Reset, Vec3
+from daemon.values import value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,7 +25,7 @@ class IntakeParameters:
     quality: QualityParameters = field(default_factory=QualityParameters)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Event:
     """Something to tell: ``reset``, ``fast_slide``, ``regained``, ``clock_stepped``.
 
@@ -39,7 +40,7 @@ class Event:
     counter_steps: int = 0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class IntakeState:
     """``seen``: the newest message, taken or not. ``sample``: the newest accepted one; ``newest``: the state of it."""
 
@@ -53,7 +54,7 @@ class IntakeState:
     quality: Quality = field(default_factory=Quality)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Taken:
     """What became of a message: a reset as it came through, the reason why it was refused, events."""
 

@@ -4,14 +4,15 @@ A history entry is a measurement with the filter's state after it; states are im
 Each replayed prediction uses the control term that was known when it was made first.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isfinite
 
 from daemon.estimation.filter_base import Correction, FilterParameters, FilterState, Measurement, process
 from daemon.estimation.filter_control import Control
+from daemon.values import value
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Entry:
     """A measurement and the state after it."""
 
@@ -19,7 +20,7 @@ class Entry:
     state: FilterState
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class LaggedState:
     """The filter's newest state and the entries behind it, oldest first."""
 

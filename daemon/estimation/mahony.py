@@ -28,6 +28,7 @@ from daemon.frames import (
     to_rpy,
 )
 from daemon.messages import IDENTITY, ZERO3, Quat, Vec3
+from daemon.values import value
 
 INTERNAL_STATE_SIZE = 10
 _TINY = 1e-12  # a vector shorter than this has no direction
@@ -65,7 +66,7 @@ class MahonyParameters:
             raise ValueError("mahony: magnetic_direction_w has no direction")
 
 
-@dataclass(frozen=True, slots=True)
+@value(eq=True)
 class MahonyState:
     """The ten numbers of the filter, and the measurement that the next ``propagate`` will use.
 

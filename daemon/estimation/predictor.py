@@ -5,6 +5,7 @@ from math import exp
 
 from daemon.frames import clip_norm, integrate, is_finite
 from daemon.messages import ZERO3, EstimatedState, Vec3
+from daemon.values import value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,7 +22,7 @@ class PredictorParameters:
     acceleration_max_m_s2: float = 40.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class SentRates:
     """Body rates commanded at ``time_s`` of the loop clock, in force until the next ones."""
 

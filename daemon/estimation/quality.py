@@ -5,6 +5,7 @@ from math import exp
 
 from daemon.estimation.reset_tracker import Innovation
 from daemon.frames import norm
+from daemon.values import value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,7 +23,7 @@ class QualityParameters:
     smoothing_s: float = 0.5
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Quality:
     """``innovation``: smoothed, 1 is the bound. ``variance_growth_m2_s``: smoothed, ``variance_grows`` by its bound."""
 

@@ -22,6 +22,7 @@ from daemon.estimation.gate import Sample
 from daemon.estimation.predictor import moved
 from daemon.frames import integrate, wrap_pi, yaw_of
 from daemon.messages import FrameShift, Reset, Vec3
+from daemon.values import value
 
 POSITION_NE, POSITION_D = "position_ne", "position_d"
 VELOCITY_NE, VELOCITY_D = "velocity_ne", "velocity_d"
@@ -51,7 +52,7 @@ class ResetParameters:
     variance_trusted_m2: float = 0.3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class Innovation:
     """What a sample has more than the prediction from the sample before, ``dt_s`` later, was."""
 

@@ -17,6 +17,7 @@ from daemon.estimation.gate import Sample
 from daemon.estimation.reset_tracker import Innovation
 from daemon.frames import add, clip_norm, norm, scale, subtract
 from daemon.messages import ZERO3, Reset, Vec3
+from daemon.values import value
 
 _NEGLIGIBLE_M_S = 1e-3
 
@@ -45,7 +46,7 @@ class SlideParameters:
     velocity_excess_max_m_s: float = 3.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class SlideState:
     """``excess_*``: what has not yet been let through. ``refused``: newest refused sample, ``agreeing`` its run."""
 

@@ -19,6 +19,7 @@ from daemon.frames import add, conjugate, exp, log, multiply, normalized, subtra
 from daemon.guidance.saturation import Cascade, cascade, step_axis
 from daemon.guidance.waypoint_modes import Pose, WaypointMode, goal_pose
 from daemon.messages import ZERO3, Quat, Vec3
+from daemon.values import value
 
 
 class Integrator(Enum):
@@ -60,7 +61,7 @@ class FilterParameters:
     angular_limits: AxisLimits | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value
 class FilterState:
     """Nominal pose and its derivatives: linear ones in NED, angular ones about the body's axes."""
 

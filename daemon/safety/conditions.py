@@ -12,6 +12,7 @@ from daemon.messages import (
     SystemStatus,
 )
 from daemon.safety.geofence import Geofence, excess_m
+from daemon.values import value
 
 LANDING_MODES = frozenset({FlightMode.LAND, FlightMode.RETURN, FlightMode.PRECISION_LAND})
 PILOT_MODES = frozenset(
@@ -49,7 +50,7 @@ class Bounds:
     fence_beyond: FlightMode = FlightMode.HOLD
 
 
-@dataclass(frozen=True, slots=True)
+@value(eq=True)
 class Facts:
     """One tick's facts: the newest accepted state, its age, what the estimator thinks of it, and the rest by name."""
 
@@ -65,7 +66,7 @@ class Facts:
     latched: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@value(eq=True)
 class Conditions:
     """The facts as the table names them; those about requests are filled in by the supervision."""
 
@@ -108,7 +109,7 @@ class Conditions:
     release_over: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@value(eq=True)
 class Lasting:
     """Memory of one bound with hysteresis: since when it is exceeded (inf: it is not), and whether it counts."""
 
@@ -128,7 +129,7 @@ def lasting(memory: Lasting, value: float, bound: float, for_s: float, now_s: fl
     return Lasting(since, memory.active or now_s - since >= for_s)
 
 
-@dataclass(frozen=True, slots=True)
+@value(eq=True)
 class Memory:
     """Hysteresis of all bounds, and the autopilot's boot count at the last tick."""
 

@@ -14,6 +14,7 @@ from math import inf
 from daemon.messages import AutopilotStatus, FlightMode, RequestKind, VehicleRequest
 from daemon.safety.conditions import PILOT_MODES, Bounds, Conditions, Facts, Memory, evaluate, in_flight
 from daemon.safety.supervisor import FLYING, OURS, State, next_row
+from daemon.values import value
 
 FENCE_ASKS = 5
 
@@ -41,7 +42,7 @@ class Drive(Enum):
     LEVEL = "level"
 
 
-@dataclass(frozen=True, slots=True)
+@value(eq=True)
 class Supervision:
     """State of the supervisor. ``asked_mode`` is the mode that we asked the autopilot for and have not seen yet;
 
