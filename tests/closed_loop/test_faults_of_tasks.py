@@ -7,10 +7,9 @@ import pytest
 from support.flight import Flight, fly
 
 from daemon.autopilot.port import CommandRefusedError
-from daemon.loops.commander import NotPossibleError
 from daemon.messages import FlightMode
 from daemon.safety.supervisor import State
-from daemon.sim.faults import ArmingRefused, Fault, ModesRefused
+from daemon.sim.faults import Fault, ModesRefused
 
 
 class DeliberateError(RuntimeError):
@@ -87,41 +86,5 @@ def test_a_refused_offboard_ends_in_silence_and_hold_with_the_reason(fault: Faul
         assert len(flight.sent) == count
         assert flight.px4.mode is FlightMode.HOLD
         assert flight.state is State.READY
-
-    fly(scenario)
-
-
-def test_a_goal_whose_engage_is_refused_ends_with_the_reason() -> None:
-    async def scenario(flight: Flight) -> None:
-        await flight.airborne(engage=False)
-        flight.px4.inject(ModesRefused(modes=("offboard",)))
-        entry = await flight.result(await flight.goto(5.0, 0.0, -5.0))
-        assert entry.outcome == "aborted"
-        assert entry.reason is not None
-        assert entry.reason.startswith("engage_refused")
-        assert len(flight.ended) == 1
-
-    fly(scenario)
-
-
-@pytest.mark.parametrize("fault", [ArmingRefused(), ModesRefused(modes=("takeoff",))])
-def test_a_refused_take_off_says_so_and_leaves_the_vehicle_on_the_ground(fault: Fault) -> None:
-    async def scenario(flight: Flight) -> None:
-        await flight.until(lambda: flight.state is State.STANDBY and flight.records[-1].estimate.newest is not None)
-        flight.px4.inject(fault)
-        with pytest.raises((CommandRefusedError, NotPossibleError)):
-            await flight.vehicle.commander.takeoff(5.0)
-        assert flight.px4.truth.on_ground
-        assert flight.sent == []
-
-    fly(scenario)
-
-
-def test_the_wall_clock_may_step_an_hour_in_flight(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def scenario(flight: Flight) -> None:
-        goal_id = await _under_way(flight)
-        monkeypatch.setattr("time.time", lambda: 3600.0)
-        monkeypatch.setattr("time.time_ns", lambda: 3600 * 10**9)
-        assert (await flight.result(goal_id)).outcome == "succeeded"
 
     fly(scenario)

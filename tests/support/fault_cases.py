@@ -1,5 +1,6 @@
 """The fault matrix as data: each a fault and the response to it."""
 
+from contextlib import ExitStack
 from typing import Any
 
 from daemon.autopilot.px4 import command_long
@@ -23,7 +24,8 @@ from daemon.sim.faults import (
     StoppedTelemetry,
     WindGust,
 )
-from support.fault_matrix import Case
+from support.fault_cases_daemon import CASES as DAEMON_CASES
+from support.fault_matrix import Case, Start
 from support.flight import Flight
 
 HOLD = FlightMode.HOLD
@@ -62,14 +64,22 @@ def _estimate() -> list[Case]:
     # The autopilot, without a position, leaves Hold for Land by itself.
     gps = _handed_over("estimate_poor", 6.0, state=State.FAULT, mode=FlightMode.LAND)
     return [
-        Case(name="EKF reset of the position, 3 m north, mid-goal", faults=(EkfReset(kind="position_ne", size_m=3.0),)),
-        Case(name="EKF reset of the height, 1 m, mid-goal", faults=(EkfReset(kind="position_d", size_m=1.0),)),
-        Case(name="EKF reset of the velocity, 0.5 m/s north, mid-goal", faults=(EkfReset(kind="velocity_ne"),)),
-        Case(name="EKF reset of the climb, 0.5 m/s, mid-goal", faults=(EkfReset(kind="velocity_d"),)),
-        Case(name="EKF reset of the heading, 20 deg, mid-goal", faults=(EkfReset(kind="heading"),)),
+        *_resets(", mid-goal"),
+        *_resets(", in a hover", start=Start.HOVERING, goal_ned_m=(0.0, 0.0, -5.0), stays_s=6.0, watch_s=10.0),
         Case(name="GPS lost for 1 s", faults=(GpsLoss(duration_s=1.0),)),
         Case(name="GPS lost for 20 s", faults=(GpsLoss(duration_s=20.0),), watch_s=12.0, **gps),
     ]
+
+
+def _resets(when: str, **more: Any) -> list[Case]:
+    kinds = (
+        ("the position, 3 m north", EkfReset(kind="position_ne", size_m=3.0)),
+        ("the height, 1 m", EkfReset(kind="position_d", size_m=1.0)),
+        ("the velocity, 0.5 m/s north", EkfReset(kind="velocity_ne")),
+        ("the climb, 0.5 m/s", EkfReset(kind="velocity_d")),
+        ("the heading, 20 deg", EkfReset(kind="heading")),
+    )
+    return [Case(name=f"EKF reset of {what}{when}", faults=(fault,), **more) for what, fault in kinds]
 
 
 def _link() -> list[Case]:
@@ -80,6 +90,12 @@ def _link() -> list[Case]:
         Case(name="link loses 30 %", faults=(Link(loss=0.3),)),
         Case(name="setpoints late by 30 ms more", faults=(Link(delay_s=0.03, direction="up"),), tilt_deg=40.0),
         Case(name="setpoints late by 50 ms, configured", faults=(Link(delay_s=0.05, direction="up"),), config=slow),
+        Case(
+            name="setpoints late by 50 ms, configured by nobody",
+            faults=(Link(delay_s=0.05, direction="up"),),
+            tilt_deg=40.0,
+            watch_s=30.0,
+        ),
         Case(name="link jitters by 30 ms", faults=(Link(jitter_s=0.03),), tilt_deg=40.0),
         Case(name="link reorders 10 %", faults=(Link(reordering=0.1),)),
         Case(name="link silent for 0.3 s", faults=(Link(silent=True, duration_s=0.3),)),
@@ -167,10 +183,10 @@ def _vehicle() -> list[Case]:
     ]
 
 
-def _disarm(flight: Flight) -> None:
+def _disarm(flight: Flight, _stack: ExitStack) -> None:
     """A ground station disarms in the air, by force."""
     name, fields = command_long(400, 0.0, 21196.0)
     flight.px4.receive(name, fields, sender_system=255, sender_component=190)
 
 
-CASES = [*_odometry(), *_estimate(), *_link(), *_pilot(), *_refusals(), *_vehicle()]
+CASES = [*_odometry(), *_estimate(), *_link(), *_pilot(), *_refusals(), *_vehicle(), *DAEMON_CASES]

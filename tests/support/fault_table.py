@@ -20,7 +20,7 @@ HEAD = (
 
 def row(case: Case, seen: Seen) -> str:
     """One line of the table."""
-    outcome = ", ".join(filter(None, (seen.goal.outcome, seen.goal.reason)))
+    outcome = ", ".join(filter(None, (seen.ended[0].outcome, seen.ended[0].reason))) if seen.ended else "-"
     figures = (_seconds(seen.silent_s), _seconds(seen.hold_s), f"{seen.tilt_deg:.0f}")
     ends = f"`{seen.state.value}`, {seen.mode.value}"
     return "| " + " | ".join((case.name, case.sentence, *figures, outcome, ends)) + " |"
