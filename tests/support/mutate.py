@@ -1,74 +1,154 @@
-"""Mutation testing with cosmic-ray, in a copy of the tree: ``PYTHONPATH=tests python -m support.mutate daemon/safety``.
+"""Mutation testing: ``PYTHONPATH=tests python -m support.mutate daemon/safety [--sample 60]``.
 
-Prints the survivors as differences, and the share of mutants that the tests noticed.
+The mutations are those of cosmic-ray, without the ones that no number or enum takes (shifts, bits, ``<`` to ``is``).
+Each is compiled in memory in a fork of a process that has imported everything but the daemon, so that one costs the
+tests that notice it and little else. Prints the survivors, and the share of mutants noticed, by module.
 """
 
-import json
-import subprocess
+import argparse
+import os
+import random
+import re
+import resource
+import signal
 import sys
-import tempfile
+import time
+from collections.abc import Iterator
+from importlib import import_module
+from importlib.machinery import ModuleSpec, SourceFileLoader
+from importlib.util import spec_from_file_location
 from pathlib import Path
 
-TESTS = {
-    "daemon/safety": "tests/unit/safety",
-    "daemon/control": "tests/unit/control",
-    "daemon/frames.py": "tests/unit/test_frames.py tests/unit/control tests/unit/estimation",
-    "daemon/pipeline.py": "tests/replay tests/closed_loop/test_first_flight.py",
+import pytest
+from cosmic_ray import ast, mutating, plugins
+from hypothesis import Phase, settings
+
+FURTHER_TESTS = {
+    "daemon/safety": ["tests/unit/safety"],
+    "daemon/control": ["tests/unit/control"],
+    "daemon/frames.py": ["tests/unit/control"],
+    "daemon/pipeline.py": ["tests/replay", "tests/closed_loop/test_first_flight.py"],
 }
-LIMIT_S = 60.0
+PRELOADED = ("numpy", "scipy.linalg", "scipy.optimize", "scipy.integrate", "scipy.spatial.transform", "scipy.stats")
+PRELOADED += ("pydantic", "ruckig", "pymap3d", "yaml", "structlog", "mcap.reader", "hypothesis.strategies", "asyncio")
+NUMERIC, ORDER = "Add|Sub|Mul|Div", "Lt|LtE|Gt|GtE|Eq|NotEq"
+OPERATORS = re.compile(
+    rf"ReplaceBinaryOperator_({NUMERIC}|Mod|Pow)_({NUMERIC})|ReplaceComparisonOperator_(({ORDER})_({ORDER})|Is_IsNot|IsNot_Is)"
+    "|ReplaceUnaryOperator_Delete_(USub|Not)|ReplaceTrueWithFalse|ReplaceFalseWithTrue|ReplaceAndWithOr|ReplaceOrWithAnd"
+    "|ReplaceBreakWithContinue|ReplaceContinueWithBreak|AddNot|NumberReplacer|ExceptionReplacer|ZeroIterationForLoop"
+)
+MEMORY_BYTES = 8 << 30
+PLUGINS = ("no:cacheprovider", "no:faulthandler", "pytest_asyncio.plugin", "_hypothesis_pytestplugin")
+QUIET = ["-x", "-q", "--tb=no", *(f"-p{name}" for name in PLUGINS)]
 
 
-def tests_of(module: str) -> str:
-    """The tests that are to notice a mutation of a module. Raises ``StopIteration`` for one that is not listed."""
-    return next(tests for prefix, tests in TESTS.items() if module.startswith(prefix))
+class Mutated(SourceFileLoader):
+    """Finds and loads one module with another source."""
+
+    def __init__(self, path: Path, source: str) -> None:
+        super().__init__(".".join(path.with_suffix("").parts), str(path))
+        self._source = source
+
+    def find_spec(self, fullname: str, _path: object = None, _target: object = None) -> ModuleSpec | None:
+        return spec_from_file_location(fullname, self.path, loader=self) if fullname == self.name else None
+
+    def get_code(self, _fullname: str) -> object:
+        return compile(self._source, self.path, "exec")
 
 
-def configuration(module: str) -> str:
-    """cosmic-ray's configuration of one module."""
-    tests = " ".join(path for path in tests_of(module).split() if Path(path).exists())
-    command = f"{sys.executable} -m pytest -x -q -p no:cacheprovider {tests}"
-    lines = (
-        "[cosmic-ray]",
-        f"module-path = {json.dumps(module)}",
-        f"timeout = {LIMIT_S}",
-        "excluded-modules = []",
-        f"test-command = {json.dumps(command)}",
-        "[cosmic-ray.distributor]",
-        'name = "local"',
-    )
-    return "\n".join(lines) + "\n"
+def tests_of(module: Path) -> list[list[str]]:
+    """The tests that are to notice a mutation: the module's own, then more. Raises ``StopIteration`` without any."""
+    own = sorted(Path("tests/unit", *module.parent.parts[1:]).glob(f"test_{module.stem}.py"))
+    further = next(tests for prefix, tests in FURTHER_TESTS.items() if str(module).startswith(prefix))
+    return [[str(path)] for path in own] + [further]
 
 
-def mutate(module: str, copy: Path, environ: dict[str, str]) -> tuple[int, int]:
-    """Try all mutations of a module; how many were noticed, and how many there are."""
-    config, session = copy / "mutate.toml", copy / "mutate.sqlite"
-    config.write_text(configuration(module))
-    session.unlink(missing_ok=True)
-    for verb in (("init", str(config), str(session)), ("exec", str(config), str(session))):
-        subprocess.run(["cosmic-ray", *verb], cwd=copy, env=environ, check=True)
-    dump = subprocess.run(["cosmic-ray", "dump", str(session)], capture_output=True, text=True, check=True).stdout
-    results = [json.loads(line)[1] for line in dump.splitlines()]
-    done = [result for result in results if result is not None]
-    survivors = [result for result in done if result["test_outcome"] == "survived"]
+def mutants(source: str) -> Iterator[str]:
+    """The module's source with one change each, every text once, only what compiles."""
+    seen = {source}
+    nodes = list(ast.ast_nodes(ast.get_ast(source)))
+    for name in sorted(plugins.operator_names()):
+        if OPERATORS.fullmatch(name.partition("/")[2]):
+            operator = plugins.get_operator(name)()
+            for occurrence in range(sum(len(list(operator.mutation_positions(node))) for node in nodes)):
+                mutant = mutating.mutate_code(source, operator, occurrence)
+                if mutant is not None and mutant not in seen and _counts(source, mutant):
+                    seen.add(mutant)
+                    yield mutant
+
+
+def _counts(source: str, mutant: str) -> bool:
+    """Whether it compiles, and is more than another way of storing a record."""
+    try:
+        compile(mutant, "mutant", "exec")
+    except SyntaxError:
+        return False
+    return not change(source, mutant)[1].startswith("@")
+
+
+def noticed(module: Path, source: str, limit_s: float) -> bool:
+    """Whether the module's tests fail with this source, or do not end within the limit of processor time."""
+    pid = os.fork()
+    if pid == 0:
+        try:
+            silence = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(silence, 1)
+            os.dup2(silence, 2)
+            resource.setrlimit(resource.RLIMIT_CPU, (int(limit_s) + 1,) * 2)
+            resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES,) * 2)
+            signal.setitimer(signal.ITIMER_REAL, 5.0 * limit_s)  # for one that waits for ever
+            sys.meta_path.insert(0, Mutated(module, source))
+            passed = all(pytest.main([*QUIET, *tests]) == pytest.ExitCode.OK for tests in tests_of(module))
+            os._exit(int(not passed))
+        finally:
+            os._exit(1)
+    return os.waitpid(pid, 0)[1] != 0
+
+
+def change(before: str, after: str) -> tuple[int, str, str]:
+    """The line that a mutation changed: its number, before and after."""
+    lines = enumerate(zip(before.splitlines(), after.splitlines(), strict=True), 1)
+    return next((number, old.strip(), new.strip()) for number, (old, new) in lines if old != new)
+
+
+def mutate(module: Path, sample: int) -> tuple[int, int, int]:
+    """Try the mutations of a module, or a sample of them: how many were noticed, tried, and are possible."""
+    source = module.read_text()
+    everything = list(mutants(source))
+    tried = everything
+    if 0 < sample < len(everything):
+        tried = random.Random(f"{module}").sample(everything, sample)
+    begin_s = time.monotonic()
+    if tried and noticed(module, source, 600.0):
+        raise SystemExit(f"{module}: its tests fail without a mutation: {tests_of(module)}")
+    limit_s = 5.0 * (time.monotonic() - begin_s) + 5.0
+    survivors = [mutant for mutant in tried if not noticed(module, mutant, limit_s)]
     for survivor in survivors:
-        print(survivor["diff"])
-    return len(done) - len(survivors), len(done)
+        number, old, new = change(source, survivor)
+        print(f"{module}:{number}: {old}\n    {new}", flush=True)
+    return len(tried) - len(survivors), len(tried), len(everything)
 
 
-def main(modules: list[str]) -> int:
+def main() -> int:
     """Mutate modules (files or folders) one after the other."""
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / "tree"
-        subprocess.run(["git", "clone", "--quiet", ".", str(copy)], check=True)
-        environ = {"PATH": f"{Path(sys.executable).parent}:/usr/bin:/bin", "PYTHONPATH": str(copy)}
-        for name in modules:
-            path = Path(name)
-            for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
-                killed, tried = mutate(str(file), copy, environ)
-                if tried:
-                    print(f"{file}: {killed} of {tried} mutants noticed ({100.0 * killed / tried:.0f} %)", flush=True)
+    parser = argparse.ArgumentParser(prog="support.mutate")
+    parser.add_argument("modules", nargs="+", type=Path)
+    parser.add_argument("--sample", type=int, default=0, help="so many mutants of each module; 0: all")
+    arguments = parser.parse_args()
+    os.environ |= {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "OPENBLAS_NUM_THREADS": "1"}
+    for name in PRELOADED:
+        import_module(name)
+    settings.register_profile("mutate", deadline=None, derandomize=True, phases=(Phase.explicit, Phase.generate))
+    settings.load_profile("mutate")
+    for path in arguments.modules:
+        for module in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
+            begin_s = time.monotonic()
+            killed, tried, possible = mutate(module, arguments.sample)
+            if tried:
+                share = f"{killed} of {tried} noticed ({100.0 * killed / tried:.1f} %)"
+                print(f"{module}: {share}, {possible} possible, {time.monotonic() - begin_s:.0f} s", flush=True)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())
