@@ -13,7 +13,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from daemon import app
-from daemon.bench.loop import Figures, free_port, process
+from daemon.bench.loop import free_port, process
+from daemon.bench.loop_figures import Figures
 from daemon.bench.quantiles import quantile
 from daemon.goals.client import FlightClient
 from daemon.goals.client_errors import FlightError

@@ -23,8 +23,8 @@ def register(app: typer.Typer) -> None:
 @bench_app.command()
 def loop(
     seconds: Annotated[float, typer.Option(help="How long each flight is measured.", min=1.0, max=3600.0)] = 5.0,
-    rounds: Annotated[int, typer.Option(help="Rounds through all flights; medians are reported.", min=1, max=100)] = 1,
-    rate: Annotated[float, typer.Option(help="The daemon's control rate, Hz.", min=50.0, max=250.0)] = 100.0,
+    rounds: Annotated[int, typer.Option(help="Rounds through all flights.", min=1, max=100)] = 1,
+    rate: Annotated[float, typer.Option(help="The daemon's rate, Hz, if not named.", min=50.0, max=250.0)] = 100.0,
     only: Annotated[list[str] | None, typer.Option(help="Only this flight; may be repeated.")] = None,
     grpc_python: Annotated[Path | None, typer.Option(help="A Python that has mavsdk-grpc.")] = None,
     against: Annotated[Path | None, typer.Option(help="JSON of an earlier run to compare ratios with.")] = None,
@@ -43,9 +43,12 @@ def loop(
     result = {"seconds": seconds, "rounds": rounds, "rate_hz": rate, "flights": figures}
     if out is not None:
         out.write_text(json.dumps(result, indent=1) + "\n")
-    typer.echo(json.dumps(result) if as_json else loop_report.table(figures))
-    if against is not None and not as_json:
-        typer.echo(loop_report.compared(figures, json.loads(against.read_text())))
+    if as_json:
+        typer.echo(json.dumps(result))
+        return
+    typer.echo(loop_report.table(figures))
+    if ratios := loop_report.compared(figures, json.loads(against.read_text()) if against else None):
+        typer.echo("\n" + ratios)
 
 
 @bench_app.command()

@@ -5,7 +5,9 @@ and HIGHRES_IMU on a grid. Packets are encoded once; stamp, number and checksum 
 stamped by the kernel, so that its own waking up does not count. Each ODOMETRY has its number in ``x``, in micrometres.
 """
 
+import gc
 import json
+import os
 import select
 import signal
 import socket
@@ -13,6 +15,7 @@ import struct
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 from daemon.messages import FlightMode
@@ -22,6 +25,7 @@ from daemon.sim.modes import base_mode, custom_mode, from_numbers
 NUMBERS = 4096  # ODOMETRY is counted modulo this
 NUMBER_M = 1e-6  # what x grows by with each
 _HOST = "127.0.0.1"
+_PRIORITY = 50  # an autopilot has a processor of its own
 _HEADER_BYTES = 10
 _CHECKSUM_BYTES = 2
 _STAMP_AT = _HEADER_BYTES
@@ -218,6 +222,9 @@ def main() -> None:
     port, rate_hz, uneven = int(sys.argv[1]), float(sys.argv[2]), sys.argv[3] == "1"
     metronome = Metronome(port, rate_hz, uneven=uneven)
     signal.signal(signal.SIGTERM, lambda *_: metronome.stop())
+    with suppress(OSError):  # where it is not permitted, it keeps time as well as the machine lets it
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
+    gc.disable()  # the log only grows; going through it would disturb the grid
     metronome.run()
     json.dump({"odometry": metronome.log.odometry, "setpoints": metronome.log.setpoints}, sys.stdout)
 

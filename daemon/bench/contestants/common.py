@@ -1,6 +1,6 @@
 """What every contestant shares: the numbers that travel through it, and its figures on standard output at the end.
 
-``python -m daemon.bench.contestants.NAME PORT SECONDS``: a process of its own, in which nothing of the daemon runs.
+``python -m daemon.bench.contestants.NAME PORT SECONDS WARM_UP``: a process in which nothing of the daemon runs.
 """
 
 import json
@@ -8,9 +8,10 @@ import resource
 import sys
 import time
 
-PORT, SECONDS = int(sys.argv[1]), float(sys.argv[2])
+from daemon.bench.memory import peak_mb
+
+PORT, SECONDS, WARM_UP_S = int(sys.argv[1]), float(sys.argv[2]), float(sys.argv[3])
 PERIOD_S = 0.01
-WARM_UP_S = 2.0
 
 
 def thrust_of(x_m: float) -> float:
@@ -25,15 +26,14 @@ class Meter:
         self.from_s = time.monotonic()
         self._cpu_s = _cpu_s()
 
-    def done(self, others_cpu_s: float = 0.0) -> None:
-        """Print the figures as JSON; ``others_cpu_s`` is what processes of ours took besides this one."""
+    def done(self, others_cpu_s: float = 0.0, others_mb: float = 0.0) -> None:
+        """Print the figures as JSON; ``others_*`` is what processes of ours took besides this one."""
         to_s = time.monotonic()
-        rss_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
         figures = {
             "from_s": self.from_s,
             "to_s": to_s,
             "cpu_s": _cpu_s() - self._cpu_s + others_cpu_s,
-            "rss_mb": rss_mb,
+            "rss_mb": peak_mb() + others_mb,
         }
         sys.stdout.write("\n" + json.dumps(figures) + "\n")
         sys.stdout.flush()

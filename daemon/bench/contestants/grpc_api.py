@@ -9,6 +9,7 @@ from mavsdk_grpc import System  # type: ignore[import-not-found,unused-ignore]
 from mavsdk_grpc.offboard import AttitudeRate  # type: ignore[import-not-found,unused-ignore]
 
 from daemon.bench.contestants.common import PERIOD_S, PORT, SECONDS, WARM_UP_S, Meter, thrust_of
+from daemon.bench.memory import peak_mb
 
 
 async def main() -> None:
@@ -35,26 +36,28 @@ async def main() -> None:
     warm_s = due_s + WARM_UP_S
     while loop.time() < warm_s + SECONDS:
         if meter is None and loop.time() >= warm_s:
-            meter, server_s = Meter(), _children_cpu_s()
+            meter, server_s = Meter(), _server()[0]
         await drone.offboard.set_attitude_rate(AttitudeRate(0.0, 0.0, 0.0, thrust_of(newest.position_body.x_m)))
         due_s += PERIOD_S
         await asyncio.sleep(due_s - loop.time())
     if meter is not None:
-        meter.done(_children_cpu_s() - server_s)
+        cpu_s, memory_mb = _server()
+        meter.done(cpu_s - server_s, memory_mb)
     following.cancel()
 
 
-def _children_cpu_s() -> float:
-    """CPU seconds of the running server process, which this process started."""
-    ticks = 0
-    for stat in Path("/proc").glob("[0-9]*/stat"):
+def _server() -> tuple[float, float]:
+    """CPU seconds and peak memory (MB) of the running server process, which this process started."""
+    ticks, memory_mb = 0, 0.0
+    for process in Path("/proc").glob("[0-9]*"):
         try:
-            fields = stat.read_text().rpartition(")")[2].split()
+            fields = (process / "stat").read_text().rpartition(")")[2].split()
+            if int(fields[1]) == os.getpid():
+                ticks += int(fields[11]) + int(fields[12])
+                memory_mb += peak_mb(process.name)
         except OSError:  # it ended meanwhile
             continue
-        if int(fields[1]) == os.getpid():
-            ticks += int(fields[11]) + int(fields[12])
-    return ticks / os.sysconf("SC_CLK_TCK")
+    return ticks / os.sysconf("SC_CLK_TCK"), memory_mb
 
 
 asyncio.run(main())

@@ -4,6 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import development as dialect
 
 from daemon.bench import loop, loop_report
+from daemon.bench.loop_figures import Figures, delays_of, figures_of, over_rounds
 from daemon.bench.quantiles import quantile
 from daemon.sim.mavlink_codec import MavlinkCodec
 from daemon.sim.metronome import Template, checksum
@@ -14,7 +15,7 @@ def test_quantile_is_the_nearest_rank() -> None:
     assert quantile([], 0.5) != quantile([], 0.5)
 
 
-def said(**more: object) -> loop.Figures:
+def said(**more: object) -> Figures:
     return {"from_s": 0.0, "to_s": 10.0, "cpu_s": 1.0, "rss_mb": 50.0, **more}
 
 
@@ -23,17 +24,17 @@ def test_a_client_tells_in_the_thrust_which_odometry_it_used() -> None:
         "odometry": [(1, 1.000), (2, 1.010), (3, 1.020)],
         "setpoints": [(1.003, 0.3001), (1.015, 0.3001), (1.0205, 0.3002)],
     }
-    figures = loop.figures_of(said(), log, 0.01)
+    figures = figures_of(said(), log, 0.01)
     assert figures["delay_p50_ms"] == pytest.approx(10.5)
     assert figures["setpoints"] == 3
     # The second was overtaken by 5 ms; the third by half a millisecond, which does not count.
-    assert figures["overtaken_pct"] == pytest.approx(100.0 / 3.0)
+    assert figures["overtaken"] == 1
     assert figures["cpu_pct"] == pytest.approx(10.0)
 
 
 def test_the_daemon_tells_at_which_tick_it_used_which() -> None:
     log = {"odometry": [(1, 1.000), (2, 1.010)], "setpoints": [(1.002, 0.5), (1.012, 0.5), (11.0, 0.5)]}
-    figures = loop.figures_of(said(used=[(1.001, 1), (1.011, 2)]), log, 0.01)
+    figures = figures_of(said(used=[(1.001, 1), (1.011, 2)]), log, 0.01)
     assert (figures["delay_p50_ms"], figures["delay_p99_ms"]) == pytest.approx((2.0, 2.0))
     assert figures["deviation_p99_ms"] == pytest.approx(0.0)
     assert figures["setpoints"] == 2
@@ -42,14 +43,71 @@ def test_the_daemon_tells_at_which_tick_it_used_which() -> None:
 
 def test_a_number_that_came_round_again_is_the_newest_of_its_name() -> None:
     log = {"odometry": [(1, 1.0), (2, 2.0), (1, 3.0)], "setpoints": [(3.5, 0.3001)]}
-    assert loop.figures_of(said(), log, 0.01)["delay_p50_ms"] == pytest.approx(500.0)
+    assert figures_of(said(), log, 0.01)["delay_p50_ms"] == pytest.approx(500.0)
+
+
+def test_a_sample_that_is_used_again_has_one_first_use() -> None:
+    odometry = [(1, 1.000), (2, 1.020), (3, 1.040)]
+    setpoints = [(1.002, 0.5), (1.012, 0.5), (1.023, 0.5), (1.033, 0.5)]
+    delays = delays_of(setpoints, [(1.001, 1), (1.011, 1), (1.021, 2), (1.031, 2)], odometry)
+    assert delays.every == pytest.approx([0.002, 0.012, 0.003, 0.013])
+    assert delays.first == pytest.approx([0.002, 0.003])
+    assert delays.overtaken == 0
+
+
+def test_a_setpoint_is_overtaken_from_a_millisecond_on() -> None:
+    used = [(1.0, 1)]
+    for late_s, overtaken in ((0.0009, 0), (0.0011, 1)):
+        odometry = [(1, 0.99), (2, 1.002)]
+        assert delays_of([(1.002 + late_s, 0.5)], used, odometry).overtaken == overtaken
+
+
+def test_memory_has_a_slope_by_the_hour() -> None:
+    figures = figures_of(
+        said(memory=[(float(t), 100.0 + t / 1800.0) for t in range(61)]),
+        {"odometry": [(1, 1.0)], "setpoints": [(1.5, 0.3001)]},
+        0.01,
+    )
+    assert figures["rss_slope_mb_h"] == pytest.approx(2.0)
+    assert (figures["rss_first_mb"], figures["rss_last_mb"]) == pytest.approx((100.0, 100.0 + 60.0 / 1800.0))
+    assert "memory" not in figures
+
+
+def test_over_rounds_counts_add_up_and_the_rest_are_medians() -> None:
+    rounds: list[Figures] = [
+        {"rounds": 1, "missed": missed, "cpu_pct": cpu, "period_max_ms": most, "collections": {"generation 0": 2}}
+        for missed, cpu, most in ((0, 5.0, 12.0), (3, 7.0, 19.0), (0, 6.0, 11.0))
+    ]
+    merged = {"rounds": 3, "missed": 3, "cpu_pct": 6.0, "period_max_ms": 19.0, "collections": {"generation 0": 6}}
+    assert over_rounds(rounds) == merged
+    assert over_rounds([{"error": "broken"}, *rounds])["rounds"] == 3
+    assert over_rounds([{"error": "broken"}]) == {"error": "broken"}
 
 
 def test_a_ratio_is_to_the_client_of_the_same_run() -> None:
-    flights = {"flightd": {"cpu_pct": 6.0}, "asyncio API": {"cpu_pct": 8.0}}
-    assert loop_report.ratios(flights) == {"CPU / asyncio API": 0.75}
-    text = loop_report.compared(flights, {"flights": {"flightd": {"cpu_pct": 4.0}, "asyncio API": {"cpu_pct": 8.0}}})
-    assert text.splitlines()[1].split()[-2:] == ["0.75", "0.50"]
+    flights = {"flightd, recording": {"cpu_pct": 6.0}, "asyncio API": {"cpu_pct": 8.0}}
+    before = {"flights": {"flightd, recording": {"cpu_pct": 4.0}, "asyncio API": {"cpu_pct": 8.0}}}
+    assert loop_report.ratios(flights) == {"CPU, recording / asyncio API": 0.75}
+    assert loop_report.compared(flights, before).splitlines()[1].split()[-3:] == ["0.75", "1.0", "0.50"]
+    assert loop_report.compared(flights, None).splitlines()[1].split()[-3:] == ["0.75", "1.0", "-"]
+    assert loop_report.compared({"flightd": {"cpu_pct": 6.0}}, before) == ""
+
+
+def test_the_table_names_what_failed_and_what_was_refused() -> None:
+    log = {"odometry": [(1, 1.0)], "setpoints": [(1.5, 0.3001), (1.51, 0.3001)]}
+    flown = figures_of(said(fifo=0), log, 0.01)
+    lines = loop_report.table({"C, SCHED_FIFO": flown, "mavsdk-grpc": {"error": "skipped: not here"}}).splitlines()
+    assert lines[2].split()[:4] == ["C,", "SCHED_FIFO", "10.00", "0.00"]
+    assert lines[3] == "mavsdk-grpc     skipped: not here"
+    assert lines[-1] == "C, SCHED_FIFO: SCHED_FIFO was refused"
+
+
+def test_every_flight_of_the_programme_has_a_name_of_its_own() -> None:
+    flights = loop.programme(125.0, "python")
+    assert len({flight.name for flight in flights}) == len(flights)
+    rates = {flight.name: flight.rate_hz for flight in flights if not flight.client}
+    assert rates["flightd"] == rates["flightd, loaded"] == 125.0
+    assert rates["flightd, 250 Hz"] == 250.0
 
 
 def test_checksum_is_mavlinks() -> None:

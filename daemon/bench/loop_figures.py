@@ -1,0 +1,121 @@
+"""The arithmetic of the loop's benchmark: what the client said and what the autopilot's end saw, as figures."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from statistics import linear_regression, median
+from typing import Any
+
+from daemon.bench.quantiles import quantile
+from daemon.sim.metronome import NUMBERS
+
+Figures = dict[str, Any]
+
+OVERTAKEN_S = 1e-3
+_OWN = frozenset({"from_s", "to_s", "cpu_s", "rss_mb", "used", "memory"})
+_COUNTS = frozenset({"setpoints", "overtaken", "late", "missed", "missed_collecting", "collections", "rounds"})
+
+
+@dataclass(slots=True)
+class Delays:
+    """Seconds from ODOMETRY on the wire to setpoints on the wire, both by the clock of the autopilot's end.
+
+    ``every``: to each setpoint from the sample that it was computed from, so a sample that was used again counts again.
+    ``first``: from each sample that was used to the first setpoint that used it. ``overtaken``: setpoints before which
+    a newer sample had been sent by ``OVERTAKEN_S`` or more.
+    """
+
+    every: list[float] = field(default_factory=list)
+    first: list[float] = field(default_factory=list)
+    overtaken: int = 0
+
+
+def figures_of(said: Figures, log: Figures, period_s: float) -> Figures:
+    """Milliseconds, per cent of a core and megabytes, over the time that the client counted."""
+    from_s, to_s = said["from_s"], said["to_s"]
+    setpoints = [(at_s, thrust) for at_s, thrust in log["setpoints"] if from_s <= at_s <= to_s]
+    gaps = [after - before for (before, _), (after, _) in pairwise(setpoints)]
+    deviations = [abs(gap - period_s) for gap in gaps]
+    delays = delays_of(setpoints, said.get("used"), log["odometry"])
+    figures = {
+        "rounds": 1,
+        "seconds": to_s - from_s,
+        "setpoints": len(setpoints),
+        "period_p50_ms": 1e3 * quantile(gaps, 0.5),
+        "period_p99_ms": 1e3 * quantile(gaps, 0.99),
+        "period_max_ms": 1e3 * max(gaps, default=0.0),
+        "deviation_p50_ms": 1e3 * quantile(deviations, 0.5),
+        "deviation_p99_ms": 1e3 * quantile(deviations, 0.99),
+        "delay_p50_ms": 1e3 * quantile(delays.every, 0.5),
+        "delay_p99_ms": 1e3 * quantile(delays.every, 0.99),
+        "first_p50_ms": 1e3 * quantile(delays.first, 0.5),
+        "first_p99_ms": 1e3 * quantile(delays.first, 0.99),
+        "overtaken": delays.overtaken,
+        "cpu_pct": 100.0 * said["cpu_s"] / (to_s - from_s),
+        "cpu_s_per_minute": 60.0 * said["cpu_s"] / (to_s - from_s),
+        "rss_mb": said["rss_mb"],
+    }
+    if "memory" in said:
+        figures |= _memory(said["memory"])
+    return figures | {key: value for key, value in said.items() if key not in _OWN}
+
+
+def _memory(samples: Sequence[tuple[float, float]]) -> Figures:
+    """Of samples (seconds, megabytes): the first, the last, and the slope of the line of least squares."""
+    times_s, megabytes = zip(*samples, strict=True)
+    return {
+        "rss_first_mb": megabytes[0],
+        "rss_last_mb": megabytes[-1],
+        "rss_slope_mb_h": 3600.0 * linear_regression(times_s, megabytes).slope,
+    }
+
+
+def delays_of(
+    setpoints: Sequence[tuple[float, float]],
+    used: Sequence[tuple[float, int]] | None,
+    odometry: Sequence[tuple[int, float]],
+) -> Delays:
+    """The delays of setpoints (arrival, thrust) on samples (number, when it was sent).
+
+    The daemon says which number it used at which tick (``used``); the others send the number in the thrust.
+    """
+    found, tick, newest, last = Delays(), 0, 0, -1
+    for at_s, thrust in setpoints:
+        number = round((thrust - 0.3) * 1e4) % NUMBERS
+        if used is not None:
+            while tick + 1 < len(used) and used[tick + 1][0] <= at_s:
+                tick += 1
+            number = used[tick][1] % NUMBERS
+        while newest + 1 < len(odometry) and odometry[newest + 1][1] <= at_s:
+            newest += 1
+        own = newest
+        while own > 0 and odometry[own][0] != number and newest - own < NUMBERS:
+            own -= 1
+        if odometry[own][0] != number:
+            continue
+        delay_s = at_s - odometry[own][1]
+        found.every.append(delay_s)
+        if own > last:
+            found.first.append(delay_s)
+            last = own
+        found.overtaken += own < newest and odometry[own + 1][1] <= at_s - OVERTAKEN_S
+    return found
+
+
+def over_rounds(rounds: Sequence[Figures]) -> Figures:
+    """One flight's figures over its rounds: medians, but sums of counts and the largest of ``*_max_ms``.
+
+    Rounds that failed are left out, as ``rounds`` tells; the first one's figures when all did.
+    """
+    good = [figures for figures in rounds if "error" not in figures]
+    if not good:
+        return rounds[0]
+    return {key: _merged(key, [figures[key] for figures in good]) for key in good[0]}
+
+
+def _merged(key: str, values: list[Any]) -> Any:
+    if isinstance(values[0], dict):
+        return {k: _merged(key, [value[k] for value in values]) for k in values[0]}
+    if key in _COUNTS:
+        return sum(values)
+    return max(values) if key.endswith("_max_ms") else median(values)
