@@ -1,6 +1,7 @@
 """Mutation testing: ``PYTHONPATH=tests python -m support.mutate daemon/safety [--sample 60]``.
 
-The mutations are those of cosmic-ray, without the ones that no number or enum takes (shifts, bits, ``<`` to ``is``).
+The mutations are those of cosmic-ray, without the ones that no number or enum takes (shifts, bits, ``<`` to ``is``),
+and rows and conditions of the supervisor's table.
 Each is compiled in memory in a fork of a process that has imported everything but the daemon, so that one costs the
 tests that notice it and little else. Prints the survivors, and the share of mutants noticed, by module.
 """
@@ -24,7 +25,7 @@ from cosmic_ray import ast, mutating, plugins
 from hypothesis import Phase, settings
 
 FURTHER_TESTS = {
-    "daemon/safety": ["tests/unit/safety"],
+    "daemon/safety": [f"tests/unit/safety/test_{name}.py" for name in ("geofence", "dead_man", "supervision")],
     "daemon/control": ["tests/unit/control"],
     "daemon/frames.py": ["tests/unit/control"],
     "daemon/pipeline.py": ["tests/replay", "tests/closed_loop/test_first_flight.py"],
@@ -63,18 +64,30 @@ def tests_of(module: Path) -> list[list[str]]:
     return [[str(path)] for path in own] + [further]
 
 
-def mutants(source: str) -> Iterator[str]:
+def mutants(source: str) -> list[str]:
     """The module's source with one change each, every text once, only what compiles."""
-    seen = {source}
+    found = dict.fromkeys((*_of_operators(source), *_of_table(source)))
+    return [mutant for mutant in found if mutant != source and _counts(source, mutant)]
+
+
+def _of_operators(source: str) -> Iterator[str]:
     nodes = list(ast.ast_nodes(ast.get_ast(source)))
     for name in sorted(plugins.operator_names()):
         if OPERATORS.fullmatch(name.partition("/")[2]):
             operator = plugins.get_operator(name)()
             for occurrence in range(sum(len(list(operator.mutation_positions(node))) for node in nodes)):
-                mutant = mutating.mutate_code(source, operator, occurrence)
-                if mutant is not None and mutant not in seen and _counts(source, mutant):
-                    seen.add(mutant)
-                    yield mutant
+                yield mutating.mutate_code(source, operator, occurrence) or source
+
+
+def _of_table(source: str) -> Iterator[str]:
+    """A row of the supervisor's table left out; a condition of a row turned round, or left out."""
+    for row in re.finditer(r"^ +Row\(.*$", source, re.MULTILINE):
+        yield source[: row.start()] + source[row.end() :]
+        conditions = list(re.finditer(r'"(!?)(\w+)"(?=.*")', row[0]))  # the last string is the reason
+        for condition, other in zip(conditions, conditions[1:] + conditions[:1], strict=True):
+            begin, end = row.start() + condition.start(), row.start() + condition.end()
+            for instead in (f'"{condition[2]}"' if condition[1] else f'"!{condition[2]}"', other[0]):
+                yield source[:begin] + instead + source[end:]
 
 
 def _counts(source: str, mutant: str) -> bool:
@@ -114,7 +127,7 @@ def change(before: str, after: str) -> tuple[int, str, str]:
 def mutate(module: Path, sample: int) -> tuple[int, int, int]:
     """Try the mutations of a module, or a sample of them: how many were noticed, tried, and are possible."""
     source = module.read_text()
-    everything = list(mutants(source))
+    everything = mutants(source)
     tried = everything
     if 0 < sample < len(everything):
         tried = random.Random(f"{module}").sample(everything, sample)
@@ -122,11 +135,14 @@ def mutate(module: Path, sample: int) -> tuple[int, int, int]:
     if tried and noticed(module, source, 600.0):
         raise SystemExit(f"{module}: its tests fail without a mutation: {tests_of(module)}")
     limit_s = 5.0 * (time.monotonic() - begin_s) + 5.0
-    survivors = [mutant for mutant in tried if not noticed(module, mutant, limit_s)]
-    for survivor in survivors:
-        number, old, new = change(source, survivor)
-        print(f"{module}:{number}: {old}\n    {new}", flush=True)
-    return len(tried) - len(survivors), len(tried), len(everything)
+    killed = 0
+    for mutant in tried:
+        if noticed(module, mutant, limit_s):
+            killed += 1
+        else:
+            number, old, new = change(source, mutant)
+            print(f"{module}:{number}: {old}\n    {new}", flush=True)
+    return killed, len(tried), len(everything)
 
 
 def main() -> int:
