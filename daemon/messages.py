@@ -39,6 +39,8 @@ class FlightMode(Enum):
     ORBIT = "orbit"
     EXTERNAL = "external"
 
+    __hash__ = object.__hash__  # Enum's own hashes the name, in Python, at each of a tick's look-ups
+
 
 class LandedState(IntEnum):
     """MAV_LANDED_STATE."""

@@ -9,7 +9,7 @@ The envelope does not see what even the quickest sample took. TIMESYNC does, and
 to the stamps; the change between the two is spread over time, for a jump of the clock would be one of the vehicle.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 
 from daemon.frames import clamp
@@ -111,7 +111,24 @@ def observe(
     else:  # a clock that was set anew keeps it: what TIMESYNC said may still be of the clock before
         correction = state.correction_s
     correction = min(correction, after.lag_s + parameters.telemetry_latency_s)  # nothing is true after it arrived
-    return (after if correction == after.correction_s else replace(after, correction_s=correction)), verdict
+    return (after if correction == after.correction_s else _corrected(after, correction)), verdict
+
+
+def _corrected(state: ClockState, correction_s: float) -> ClockState:
+    """The clock with another correction."""
+    return ClockState(
+        state.stamp_us,
+        state.offset_s,
+        state.drift,
+        state.window_stamp_us,
+        state.window_low_s,
+        state.window_before_s,
+        state.slopes,
+        state.lag_s,
+        state.candidate_s,
+        state.candidate_count,
+        correction_s,
+    )
 
 
 def _enveloped(

@@ -89,7 +89,7 @@ def _axis(
     axis: int, state: EstimatedState, commands: tuple[SentRates, ...], dt_s: float, parameters: PredictorParameters
 ) -> tuple[float, float]:
     """Mean rate of one axis over ``dt_s`` and rate at its end: one lag after the other, as the commands take effect."""
-    limit, lag = parameters.rates_max_rad_s, parameters.rate_time_constant_s[axis]
+    limit, lag_s = parameters.rates_max_rad_s, parameters.rate_time_constant_s[axis]
     acting_since = state.time_s - parameters.rate_dead_time_s[axis]
     rate = _believed(state.rates_frd_rad_s[axis], limit)
     following = len(commands)
@@ -97,15 +97,18 @@ def _axis(
         following -= 1
     command = _believed(commands[following - 1].rates_frd_rad_s[axis], limit) if following > 0 else rate
     elapsed, angle = 0.0, 0.0
-    for sent in commands[following:]:
-        acts = sent.time_s - acting_since
-        if not acts < dt_s:
+    for sent in (*commands[following:], None):
+        until = dt_s if sent is None else sent.time_s - acting_since
+        last = not until < dt_s
+        span = (dt_s if last else until) - elapsed
+        apart = rate - command
+        left = exp(-span / lag_s) if apart != 0.0 and lag_s > 0.0 else 0.0
+        angle += command * span + apart * lag_s * (1.0 - left)
+        rate = command + apart * left
+        if last or sent is None:
             break
-        turned, rate = _lagged(rate, command, acts - elapsed, lag)
-        angle += turned
-        elapsed, command = acts, _believed(sent.rates_frd_rad_s[axis], limit)
-    turned, rate = _lagged(rate, command, dt_s - elapsed, lag)
-    return (angle + turned) / dt_s, rate
+        elapsed, command = until, _believed(sent.rates_frd_rad_s[axis], limit)
+    return angle / dt_s, rate
 
 
 def _believed(rate: float, limit: float) -> float:
@@ -113,11 +116,3 @@ def _believed(rate: float, limit: float) -> float:
     if -limit <= rate <= limit:
         return rate
     return limit if rate > limit else -limit if rate < -limit else 0.0
-
-
-def _lagged(rate: float, command: float, dt_s: float, lag_s: float) -> tuple[float, float]:
-    """Angle turned, and rate at the end, of a first-order lag."""
-    if rate == command:
-        return command * dt_s, command
-    left = exp(-dt_s / lag_s) if lag_s > 0.0 else 0.0
-    return command * dt_s + (rate - command) * lag_s * (1.0 - left), command + (rate - command) * left

@@ -64,6 +64,7 @@ class TrajectoryTask:
         self._count = round(window_s / WINDOW_SPACING_S)
         self._active: ActiveGoal | None = None
         self._rest: Plan | None = None
+        self._sampled: Plan | None = None
         self._shift = FrameShift()
         self._failure: Exception | None = None
         self._woken = False
@@ -183,9 +184,17 @@ class TrajectoryTask:
             self._judge(self._active, plan, record.estimate.newest, _speed_m_s(record), now_s)
             plan = self._current_plan(record.reference)
         self.plan.set(plan)
-        self.window.set(
-            ReferenceWindow(self.goal_id, plan.window(record.reference.time_s, self._count), record.estimate.shift)
-        )
+        samples = self._samples(plan, record.reference.time_s)
+        self.window.set(ReferenceWindow(self.goal_id, samples, record.estimate.shift))
+
+    def _samples(self, plan: Plan, from_s: float) -> tuple[Reference, ...]:
+        """The references from ``from_s`` on; those of the last window serve again while the plan is the same."""
+        window = self.window.value
+        known = window.samples if window is not None and plan is self._sampled else ()
+        kept = tuple(reference for reference in known if reference.time_s > from_s - WINDOW_SPACING_S)
+        self._sampled = plan
+        start_s = kept[-1].time_s + WINDOW_SPACING_S if kept else from_s
+        return (*kept, *plan.window(start_s, self._count - len(kept)))
 
     def _give_up(self, record: Record) -> None:
         """The vehicle is not ours (any more): its goal ends, unless it waits for the engage that comes with it."""

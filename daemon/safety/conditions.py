@@ -201,23 +201,23 @@ def _remember(memory: Memory, facts: Facts, now_s: float, bounds: Bounds) -> Mem
     state = facts.state
     battery = facts.status.battery_fraction
     shortage = bounds.battery_fraction - battery if battery is not None and bounds.battery_fraction > 0.0 else 0.0
+    tilt_rad = 0.0 if state is None else tilt_of(state.attitude_wb)
+    speed_m_s = 0.0 if state is None else norm(state.velocity_ned_m_s)
     keep = bounds.hysteresis
-
-    def over(last: Lasting, value: float, bound: float, for_s: float) -> Lasting:
-        return lasting(last, value, bound, for_s, now_s, keep)
-
     after = Memory(
         facts.status.boot_count,
-        over(memory.variance, facts.position_variance_m2, bounds.position_variance_m2, 0.0),
-        over(memory.innovation, facts.innovation, bounds.innovation, bounds.innovation_for_s),
-        over(
+        lasting(memory.variance, facts.position_variance_m2, bounds.position_variance_m2, 0.0, now_s, keep),
+        lasting(memory.innovation, facts.innovation, bounds.innovation, bounds.innovation_for_s, now_s, keep),
+        lasting(
             memory.disagreement,
             facts.disagreement_rad,
             bounds.attitude_disagreement_rad,
             bounds.attitude_disagreement_for_s,
+            now_s,
+            keep,
         ),
-        over(memory.tilt, tilt_of(state.attitude_wb) if state else 0.0, bounds.tilt_rad, bounds.tilt_for_s),
-        over(memory.speed, norm(state.velocity_ned_m_s) if state else 0.0, bounds.speed_m_s, bounds.speed_for_s),
-        over(memory.battery, shortage, 0.0, bounds.battery_for_s),
+        lasting(memory.tilt, tilt_rad, bounds.tilt_rad, bounds.tilt_for_s, now_s, keep),
+        lasting(memory.speed, speed_m_s, bounds.speed_m_s, bounds.speed_for_s, now_s, keep),
+        lasting(memory.battery, shortage, 0.0, bounds.battery_for_s, now_s, keep),
     )
     return memory if after == memory else after

@@ -28,6 +28,8 @@ class State(Enum):
     PILOT = "pilot"
     FAULT = "fault"
 
+    __hash__ = object.__hash__  # Enum's own hashes the name, in Python, at each of a tick's look-ups
+
 
 _S = State
 OURS = frozenset({_S.ENGAGING, _S.HOLDING, _S.TRACKING, _S.RELEASING})
