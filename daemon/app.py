@@ -16,6 +16,7 @@ from daemon.endpoint import EndpointInUseError, claim
 from daemon.flight_service import Service
 from daemon.goals.hub import Hub
 from daemon.goals.server import GoalServer
+from daemon.goals.slack import Slack
 from daemon.goals.sockets import Listener, Operators, SocketInUseError, activated, listen, server_path
 from daemon.journal import Journal
 from daemon.log_thread import stderr_beside
@@ -109,7 +110,7 @@ async def _main(config: Config, socket: Path | None, watch: Callable[[Vehicle], 
 
 
 async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Listener, stop: "_Stop") -> int:
-    hub = Hub()
+    hub = Hub(slack=Slack(lambda: vehicle.control.grid.due_s))
     recorder = _recorder(config)
     journal = Journal(hub, recorder)
     reports = Reports(vehicle)

@@ -1,7 +1,7 @@
 """From a line to its reply: calls the service, counts what runs, turns errors into replies."""
 
 import asyncio
-from collections.abc import Coroutine, Mapping
+from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -21,23 +21,22 @@ from daemon.goals.protocol import (
     parse,
 )
 from daemon.goals.results import Subscription, SystemInfo
-from daemon.goals.service import FlightService
+from daemon.goals.service import Caller, FlightService
 from daemon.goals.session import Session
 
 log = structlog.get_logger(__name__)
 
-BATCH_PAUSE_S = 0.001
 INTERNAL = "something went wrong inside the daemon; its log says what"
 
 
 class Dispatcher:
-    """Does what lines ask for."""
+    """Does what lines ask for; each message of a batch waits for a turn of its caller's."""
 
-    def __init__(self, service: FlightService, hub: Hub) -> None:
+    def __init__(self, service: FlightService, hub: Hub, turn: Callable[[Caller], Awaitable[None]]) -> None:
         self._service = service
         self._hub = hub
+        self._turn = turn
         self._tasks: set[asyncio.Task[None]] = set()
-        self._batch_turn = asyncio.Lock()
 
     def handle(self, session: Session, line: bytes) -> None:
         """Start what a line asks for; the reply follows when it is done."""
@@ -105,7 +104,7 @@ class Dispatcher:
         replies: list[bytes] = []
         goal_ids: list[str] = []
         for message in messages:
-            await self._slot()
+            await self._turn(session.caller)
             item = interpret(message, operator=session.caller.operator)
             if isinstance(item, Call) and not item.method.notification:
                 reply, goal_id = await self._call(session, item)
@@ -117,11 +116,6 @@ class Dispatcher:
             session.send(encode_batch(replies), essential=True)
         for goal_id in goal_ids:
             self._hub.goal_answered(goal_id)
-
-    async def _slot(self) -> None:
-        """Wait until the next message of a batch may be done: one every ``BATCH_PAUSE_S``, of all batches in turn."""
-        async with self._batch_turn:
-            await asyncio.sleep(BATCH_PAUSE_S)
 
     async def _call(self, session: Session, call: Call) -> tuple[bytes, str | None]:
         """Reply of one request, and the id of the goal that it submitted."""

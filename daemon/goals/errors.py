@@ -1,6 +1,8 @@
-"""The errors of the goal protocol: a code for programs, a field and a reason for people."""
+"""The errors of the goal protocol: a code for programs, a field and a reason for people; and the longest line."""
 
 from enum import IntEnum
+
+MAX_LINE_BYTES = 65536
 
 
 class ErrorCode(IntEnum):

@@ -1,6 +1,6 @@
 """Who hears what: goals' feedback and results to the connection that submitted them, telemetry to subscribers.
 
-Nothing here waits for a client, and one pass of the event loop never carries more than ``SENDS_PER_PASS`` sends.
+Nothing here waits for a client; telemetry goes out in pieces of at most ``SENDS_PER_PIECE`` sends, in the loop's slack.
 """
 
 import asyncio
@@ -12,8 +12,9 @@ from typing import Any, Protocol
 
 from daemon.goals.protocol import encode_notification
 from daemon.goals.results import EventTelemetry, GoalFeedback, GoalRecord, ResetReport
+from daemon.goals.slack import Slack
 
-SENDS_PER_PASS = 32
+SENDS_PER_PIECE = 32
 MAX_JOBS = 1000
 NEVER_S = float("inf")
 SLACK_S = 0.002
@@ -64,16 +65,16 @@ class _Job:
 
 
 class Hub:
-    """Publishes to clients. Made by the composition root, used by one event loop."""
+    """Publishes to clients. Made by the composition root, used by one event loop; the server uses its ``slack`` too."""
 
-    def __init__(self, prefix: str | None = None) -> None:
+    def __init__(self, prefix: str | None = None, slack: Slack | None = None) -> None:
+        self.slack = slack or Slack()
         self._prefix = prefix or secrets.token_hex(3)
         self._count = 0
         self._goals: dict[str, _Goal] = {}
         self._gates: dict[str, dict[Subscriber, _Gate]] = {topic: {} for topic in TOPICS}
         self._due_s: dict[str, float] = dict.fromkeys(TOPICS, NEVER_S)
         self._jobs: deque[_Job] = deque()
-        self._scheduled = False
         self.lost_jobs = 0
 
     # -- used by the daemon
@@ -186,19 +187,18 @@ class Hub:
         if thinned:
             self._due_s[topic] = NEVER_S  # nothing more of this topic until this one went out to all
         self._jobs.append(_Job(topic, line, iter(list(self._gates[topic])), thinned, essential, skip))
-        self._schedule()
+        self.slack.want(self._fan_out)
 
-    def _schedule(self) -> None:
-        if not self._scheduled:
-            self._scheduled = True
-            asyncio.get_running_loop().call_soon(self._fan_out)
+    def flush(self) -> None:
+        """Send all that still waits, at once: nothing comes after it."""
+        while self._jobs:
+            self._fan_out()
 
-    def _fan_out(self) -> None:
-        self._scheduled = False
+    def _fan_out(self) -> bool:
         now_s = asyncio.get_running_loop().time()
-        for _ in range(SENDS_PER_PASS):
+        for _ in range(SENDS_PER_PIECE):
             if not self._jobs:
-                return
+                return True
             job = self._jobs[0]
             target = next(job.targets, None)
             if target is None:
@@ -210,7 +210,8 @@ class Hub:
             if gate is not None and target is not job.skip and (not job.thinned or gate.opens(now_s)):
                 target.send(job.line, essential=job.essential)
         if self._jobs:
-            self._schedule()
+            self.slack.want(self._fan_out)
+        return True
 
 
 def event_payload(

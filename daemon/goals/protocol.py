@@ -16,7 +16,7 @@ from daemon.goals.errors import ErrorCode, ProtocolError
 from daemon.goals.methods import METHODS, Method
 from daemon.goals.schema import Params
 
-MAX_LINE_BYTES = 65536
+MAX_BATCH = 100
 MAX_ID_CHARS = 256
 SHOWN_CHARS = 64
 
@@ -41,45 +41,6 @@ class Refusal:
     reply: bool = True
 
 
-class LineSplitter:
-    """Bytes in, lines out; holds at most one unfinished line of ``MAX_LINE_BYTES``."""
-
-    def __init__(self) -> None:
-        self._buffer = bytearray()
-        self._searched = 0
-
-    @property
-    def pending_bytes(self) -> int:
-        """Bytes that wait to be taken as lines."""
-        return len(self._buffer)
-
-    def feed(self, data: bytes | memoryview) -> None:
-        """Add what was received."""
-        self._buffer += data
-
-    def take(self) -> bytes | None:
-        """Next line without its end, empty when it is blank; None if there is none.
-
-        Raises `ProtocolError` (INVALID_REQUEST) when a line is too long: nothing after it can be trusted.
-        """
-        end = self._buffer.find(b"\n", self._searched)
-        if (end if end >= 0 else len(self._buffer)) > MAX_LINE_BYTES:
-            reason = f"the line is longer than {MAX_LINE_BYTES} bytes; the connection is closed"
-            raise ProtocolError(ErrorCode.INVALID_REQUEST, reason)
-        if end < 0:
-            self._searched = len(self._buffer)
-            return None
-        line = bytes(self._buffer[:end])
-        del self._buffer[: end + 1]
-        self._searched = 0
-        return line.strip()
-
-    def finish(self) -> None:
-        """The other side sends no more: what is left counts as a line."""
-        if self._buffer and not self._buffer.endswith(b"\n"):
-            self._buffer += b"\n"
-
-
 def _no_literal(name: str) -> NoReturn:
     raise ValueError(f"{name} is not JSON")
 
@@ -87,7 +48,7 @@ def _no_literal(name: str) -> NoReturn:
 def parse(line: bytes) -> tuple[list[Any], bool]:
     """Messages of a line (nothing of them checked yet), and whether they came as a batch.
 
-    Raises `ProtocolError`: PARSE when it is not JSON, INVALID_REQUEST when the batch is empty.
+    Raises `ProtocolError`: PARSE when it is not JSON, INVALID_REQUEST when the batch is empty or too large.
     """
     try:
         message = json.loads(line.decode("utf-8"), parse_constant=_no_literal)
@@ -99,6 +60,8 @@ def parse(line: bytes) -> tuple[list[Any], bool]:
         return [message], False
     if not message:
         raise ProtocolError(ErrorCode.INVALID_REQUEST, "the batch is empty")
+    if len(message) > MAX_BATCH:
+        raise ProtocolError(ErrorCode.INVALID_REQUEST, f"a batch has at most {MAX_BATCH} messages, not {len(message)}")
     return message, True
 
 

@@ -1,45 +1,57 @@
 """The goal socket's server: takes connections in and shares the loop's time among them."""
 
 import asyncio
+import resource
 import socket
-from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 
 import structlog
 
 from daemon.goals.dispatch import Dispatcher
+from daemon.goals.errors import ErrorCode, ProtocolError
 from daemon.goals.hub import Hub
-from daemon.goals.service import FlightService
+from daemon.goals.service import Caller, FlightService
 from daemon.goals.session import Session
 from daemon.goals.sockets import Listener, Operators, peer_of
+from daemon.goals.turns import Turns
 
 MAX_CLIENTS = 1000
+KEPT_FOR_OPERATORS = 100
+KEPT_DESCRIPTORS = 128
 BUFFER_BYTES = 16384
-ACCEPTS_PER_PASS = 4
-VISITS_PER_TURN = 32
-PAUSE_S = 0.001
+VISITS = 32
 CHECK_PERIOD_S = 1.0
 GOODBYE_S = 0.2
 
 log = structlog.get_logger(__name__)
 
 
+def most_clients() -> int:
+    """How many connections there may be: the daemon itself needs some of the descriptors that it may have."""
+    descriptors, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if descriptors == resource.RLIM_INFINITY:
+        return MAX_CLIENTS
+    return max(0, min(MAX_CLIENTS, descriptors - KEPT_DESCRIPTORS))
+
+
 class GoalServer:
     """Serves the goal protocol on a listening socket.
 
-    One line is done every ``PAUSE_S``, of each client in turn: a flood waits in the sockets of those who send it, and
-    the daemon's own tasks keep the processor and are never late by more than a request.
+    What clients ask for is done line by line in the hub's slack, users, their processes and connections in turn: a
+    flood waits in the sockets of those who send it, and keeps neither the daemon's own tasks nor other clients from
+    their work.
     """
 
     def __init__(self, service: FlightService, hub: Hub, operators: Operators) -> None:
         self.operators = operators
         self.buffer = memoryview(bytearray(BUFFER_BYTES))
         self._hub = hub
-        self._dispatcher = Dispatcher(service, hub)
+        self._dispatcher = Dispatcher(service, hub, self._turn)
         self._sessions: set[Session] = set()
-        self._ready: deque[Session] = deque()
-        self._turn: asyncio.Handle | None = None
+        self._turns: Turns[Callable[[], bool]] = Turns()
+        self._most_clients = most_clients()
         self._check: asyncio.TimerHandle | None = None
         self._empty = asyncio.Event()
         self._count = 0
@@ -48,21 +60,20 @@ class GoalServer:
 
     async def start(self, listener: Listener) -> None:
         """Begin to serve."""
-        loop = asyncio.get_running_loop()
         self._listener = listener
-        loop.add_reader(listener.sock, self._accept)
-        self._check = loop.call_later(CHECK_PERIOD_S, self._check_clients)
-        log.info("socket_listens", path=str(listener.path))
+        self._await_connection()
+        self._check = asyncio.get_running_loop().call_later(CHECK_PERIOD_S, self._check_clients)
+        log.info("socket_listens", path=str(listener.path), most_clients=self._most_clients)
 
     async def stop(self) -> None:
         """Stop taking connections, end what runs, say goodbye within ``GOODBYE_S``, remove the socket."""
-        for handle in (self._check, self._turn):
-            if handle is not None:
-                handle.cancel()
+        if self._check is not None:
+            self._check.cancel()
         if self._listener is not None:
             asyncio.get_running_loop().remove_reader(self._listener.sock)
             self._listener.close()
         await self._dispatcher.stop()
+        self._hub.flush()
         for session in list(self._sessions):
             session.close()
         if self._sessions:
@@ -71,11 +82,16 @@ class GoalServer:
         for session in list(self._sessions):
             session.abort()
 
-    def opened(self, session: Session) -> bool:
-        """Take the connection in, or refuse it because there are too many."""
+    def opened(self, session: Session) -> ProtocolError | None:
+        """Take the connection in, or say why not; some are kept for those who act."""
         self._sessions.add(session)
         self._empty.clear()
-        return len(self._sessions) <= MAX_CLIENTS
+        kept = 0 if session.caller.operator else KEPT_FOR_OPERATORS
+        most = max(0, self._most_clients - kept)
+        if len(self._sessions) <= most:
+            return None
+        reason = f"too many connections: {most} are open already; close some and try again"
+        return ProtocolError(ErrorCode.WRONG_STATE, reason)
 
     def closed(self, session: Session) -> None:
         """The connection is gone."""
@@ -86,12 +102,9 @@ class GoalServer:
 
     def ready(self, session: Session) -> None:
         """Let the connection work when its turn comes."""
-        if session.queued:
-            return
-        session.queued = True
-        self._ready.append(session)
-        if self._turn is None:
-            self._turn = asyncio.get_running_loop().call_soon(self._take_turns)
+        if not session.queued:
+            session.queued = True
+            self._put(session.caller, partial(_visit, session))
 
     def handle(self, session: Session, line: bytes) -> None:
         """Do what a line asks for."""
@@ -101,51 +114,64 @@ class GoalServer:
         """Tell whether nothing more is to come for a client that sends no more."""
         return session.in_flight == 0 and not self._hub.topics_of(session) and not self._hub.owns_goal(session)
 
-    def _accept(self) -> None:
-        """Take a few connections in; asyncio's own server would take all that wait, in one pass of the loop."""
+    def _put(self, caller: Caller, piece: Callable[[], bool]) -> None:
+        self._turns.put(caller.uid, caller.pid, piece)
+        self._hub.slack.want(self._serve)
+
+    def _serve(self) -> bool:
+        """Do a piece of what clients asked for."""
+        for _ in range(VISITS):
+            if not self._turns:
+                return False
+            if self._turns.take()():
+                break
+        if self._turns:
+            self._hub.slack.want(self._serve)
+        return True
+
+    async def _turn(self, caller: Caller) -> None:
+        """Wait for a turn of this caller's."""
+        come: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._put(caller, partial(_grant, come))
+        await come
+
+    def _await_connection(self) -> None:
+        if self._listener is not None and self._listener.sock.fileno() >= 0:
+            asyncio.get_running_loop().add_reader(self._listener.sock, self._knock)
+
+    def _knock(self) -> None:
+        """Somebody connects: asyncio's own server would take all that wait, in one pass of the loop."""
+        assert self._listener is not None
+        asyncio.get_running_loop().remove_reader(self._listener.sock)
+        self._hub.slack.want(self._accept)
+
+    def _accept(self) -> bool:
+        """Take one connection in."""
         loop = asyncio.get_running_loop()
-        for _ in range(ACCEPTS_PER_PASS):
+        try:
             sock = self._next_connection()
-            if sock is None:
-                return
-            self._count += 1
-            session = Session(self, self._count, peer_of(sock))
-            task = loop.create_task(loop.connect_accepted_socket(partial(_same, session), sock))
-            self._accepting.add(task)
-            task.add_done_callback(self._accepting.discard)
+        except OSError as error:  # no descriptor left: try again when some may have been closed
+            log.error("accept_failed", reason=str(error))
+            loop.call_later(CHECK_PERIOD_S, self._await_connection)
+            return True
+        if sock is None:
+            self._await_connection()
+            return False
+        self._count += 1
+        session = Session(self, self._count, peer_of(sock))
+        task = loop.create_task(loop.connect_accepted_socket(partial(_same, session), sock))
+        self._accepting.add(task)
+        task.add_done_callback(self._accepting.discard)
+        self._hub.slack.want(self._accept)
+        return True
 
     def _next_connection(self) -> socket.socket | None:
-        assert self._listener is not None
+        if self._listener is None or self._listener.sock.fileno() < 0:
+            return None
         try:
             return self._listener.sock.accept()[0]
         except (BlockingIOError, InterruptedError, ConnectionAbortedError):
             return None
-        except OSError as error:  # no descriptor left: try again when some may have been closed
-            log.error("accept_failed", reason=str(error))
-            loop = asyncio.get_running_loop()
-            loop.remove_reader(self._listener.sock)
-            loop.call_later(CHECK_PERIOD_S, self._accept_again)
-            return None
-
-    def _accept_again(self) -> None:
-        if self._listener is not None and self._listener.sock.fileno() >= 0:
-            asyncio.get_running_loop().add_reader(self._listener.sock, self._accept)
-
-    def _take_turns(self) -> None:
-        did = False
-        for _ in range(VISITS_PER_TURN):
-            if did or not self._ready:
-                break
-            session = self._ready.popleft()
-            session.queued = False
-            did = session.work()
-            if did:
-                self.ready(session)
-        loop = asyncio.get_running_loop()
-        if did:
-            self._turn = loop.call_later(PAUSE_S, self._take_turns)
-        else:
-            self._turn = loop.call_soon(self._take_turns) if self._ready else None
 
     def _check_clients(self) -> None:
         for session in list(self._sessions):
@@ -155,3 +181,15 @@ class GoalServer:
 
 def _same(session: Session) -> Session:
     return session
+
+
+def _visit(session: Session) -> bool:
+    session.queued = False
+    return session.work()
+
+
+def _grant(come: "asyncio.Future[None]") -> bool:
+    if come.done():
+        return False
+    come.set_result(None)
+    return True

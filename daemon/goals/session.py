@@ -6,8 +6,9 @@ from typing import Protocol
 
 import structlog
 
-from daemon.goals.errors import ErrorCode, ProtocolError
-from daemon.goals.protocol import MAX_LINE_BYTES, LineSplitter, encode_error
+from daemon.goals.errors import ProtocolError
+from daemon.goals.lines import LineSplitter
+from daemon.goals.protocol import encode_error
 from daemon.goals.service import Caller
 from daemon.goals.sockets import Operators, Peer
 
@@ -25,8 +26,8 @@ class Host(Protocol):
     operators: Operators
     buffer: memoryview
 
-    def opened(self, session: "Session") -> bool:
-        """Take the connection in, or refuse it because there are too many."""
+    def opened(self, session: "Session") -> ProtocolError | None:
+        """Take the connection in, or say why not."""
 
     def closed(self, session: "Session") -> None:
         """The connection is gone."""
@@ -61,12 +62,12 @@ class Session(asyncio.BufferedProtocol):
         self.rate_hz = 10.0
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Begin, unless there are too many."""
+        """Begin, unless the host does not want to."""
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
         transport.set_write_buffer_limits(high=SOFT_LIMIT_BYTES)
-        if not self._host.opened(self):
-            self.fail(ProtocolError(ErrorCode.WRONG_STATE, "too many connections; close some and try again"))
+        if (refusal := self._host.opened(self)) is not None:
+            self.fail(refusal)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The client is gone."""
@@ -79,13 +80,12 @@ class Session(asyncio.BufferedProtocol):
         return self._host.buffer
 
     def buffer_updated(self, nbytes: int) -> None:
-        """Keep what came; stop reading while there is a line's worth of work."""
-        if self._closing:
+        """Keep what came, and read no more until it was this client's turn: the rest waits in its socket."""
+        if self._closing or self._transport is None:
             return
         self._lines.feed(self._host.buffer[:nbytes])
-        if self._lines.pending_bytes > MAX_LINE_BYTES and self._transport is not None:
-            self._paused = True
-            self._transport.pause_reading()
+        self._paused = True
+        self._transport.pause_reading()
         self._host.ready(self)
 
     def eof_received(self) -> bool:
@@ -114,27 +114,29 @@ class Session(asyncio.BufferedProtocol):
         return any(event & select.POLLHUP for _, event in poll.poll(0))
 
     def work(self) -> bool:
-        """Do one line, if there is one and the client keeps up; tell whether there may be more."""
+        """Do one line, or read on; tell whether anything was done."""
         if self._closing or self.in_flight >= MAX_IN_FLIGHT or self._stuck_since_s is not None:
             return False
         try:
             line = self._lines.take()
         except ProtocolError as error:
             self.fail(error)
-            return False
-        if line is None:
-            self._wait_for_more()
-            return False
+            return True
         if line:
             self._host.handle(self, line)
-        return True
+        if self._lines.ready:
+            self._host.ready(self)
+            return True
+        return self._read_on() or line is not None
 
-    def _wait_for_more(self) -> None:
+    def _read_on(self) -> bool:
         if self._hung_up or (self._ended and self._host.idle(self)):
             self.close()
         elif self._paused and self._transport is not None:
             self._paused = False
             self._transport.resume_reading()
+            return True
+        return False
 
     def started(self) -> None:
         """A request of this client runs."""
@@ -143,7 +145,8 @@ class Session(asyncio.BufferedProtocol):
     def finished(self) -> None:
         """A request of this client was answered."""
         self.in_flight -= 1
-        self._host.ready(self)
+        if self._paused or self._ended:
+            self._host.ready(self)
 
     def send(self, line: bytes, *, essential: bool) -> None:
         """Write a line; a client that does not read loses what is not essential, and then its connection."""

@@ -155,6 +155,11 @@ class Grid:
         self._due_s = 0.0
         self._last_s = 0.0
 
+    @property
+    def due_s(self) -> float:
+        """When the next tick is due, time of the loop's clock."""
+        return self._due_s
+
     async def run(self, tick: Callable[[float, float], None]) -> None:
         """Tick until cancelled; an exception of ``tick`` ends it and comes out here."""
         loop = asyncio.get_running_loop()

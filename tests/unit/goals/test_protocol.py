@@ -5,12 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.goals.errors import ErrorCode, ProtocolError
+from daemon.goals.errors import MAX_LINE_BYTES, ErrorCode, ProtocolError
+from daemon.goals.lines import LineSplitter
 from daemon.goals.methods import METHODS
 from daemon.goals.protocol import (
-    MAX_LINE_BYTES,
     Call,
-    LineSplitter,
     Refusal,
     encode,
     encode_error,

@@ -1,12 +1,15 @@
 import asyncio
 import json
+import resource
 import socket
 from contextlib import asynccontextmanager
+from dataclasses import replace
 
 import pytest
 from fake_flight import serving
 
 from daemon.goals import session as session_module
+from daemon.goals.server import BUFFER_BYTES, KEPT_FOR_OPERATORS, most_clients
 
 
 @pytest.fixture
@@ -225,7 +228,7 @@ async def test_client_that_floods_and_does_not_read_is_not_read_either(path):
         for _ in range(100):
             await settle(client)
         assert stuck._transport.get_write_buffer_size() < 1.5 * session_module.SOFT_LIMIT_BYTES
-        assert stuck._lines.pending_bytes < 3 * session_module.SOFT_LIMIT_BYTES
+        assert len(stuck._lines._buffer) <= 2 * BUFFER_BYTES
         deaf.close()
 
 
@@ -276,25 +279,35 @@ async def test_clients_take_turns(path):
         assert len(daemon.calls) < 500
 
 
-async def test_hundreds_of_clients_at_once(path):
-    async with serving(path, auto="succeeded") as daemon:
+async def test_other_process_is_not_kept_waiting_by_one_that_floods_over_many_connections(path):
+    async with serving(path) as daemon, raw(path) as modest:
+        await settle(modest)
+        session = next(iter(daemon.server._sessions))
+        session.caller = replace(session.caller, pid=1)  # as if it were another process
+        flooders = [await asyncio.open_unix_connection(str(path)) for _ in range(50)]
+        for _, writer in flooders:
+            writer.writelines(json.dumps(request("vehicle.arm")).encode() + b"\n" for _ in range(20))
+        for _ in range(10):
+            before = len(daemon.calls)
+            await modest.ask("status.get")
+            assert len(daemon.calls) - before <= 10, "a turn in two is the other process's"
+        assert 0 < len(daemon.calls) < 1000
+        for _, writer in flooders:
+            writer.transport.abort()
 
-        async def visit(number):
-            async with raw(path) as client:
-                assert (await client.ask("status.get", request_id=number))["result"]["state"] == "ready"
-                await client.ask("telemetry.subscribe", {"topics": ["events"]})
-                return (await client.line())["params"]["text"]
 
-        visits = [asyncio.create_task(visit(number)) for number in range(300)]
-        async with raw(path) as observer:
-            while len(daemon.hub._gates["events"]) < 300:
-                await settle(observer)
-        daemon.hub.event("hello", "all")
-        assert await asyncio.gather(*visits) == ["all"] * 300
-        async with raw(path) as observer:
-            while len(daemon.server._sessions) > 1:
-                await settle(observer)
-        assert not daemon.hub._gates["events"]
+async def test_bytes_that_make_no_line_wait_in_the_clients_socket(path):
+    async with serving(path) as daemon, raw(path) as trickler, raw(path) as modest:
+        await settle(trickler)
+        reads = []
+        session = next(iter(daemon.server._sessions))
+        session._lines.feed = lambda data: reads.append(len(data))
+        for _ in range(200):
+            trickler.writer.write(b" ")
+            await asyncio.sleep(0)
+        for _ in range(5):
+            await settle(modest)
+        assert 0 < len(reads) < 100, "one read a turn"
 
 
 async def test_client_beyond_the_limit_is_told_so(path, monkeypatch):
@@ -302,9 +315,28 @@ async def test_client_beyond_the_limit_is_told_so(path, monkeypatch):
     async with serving(path), raw(path) as first:
         await settle(first)
         async with raw(path) as second:
-            assert "too many" in (await second.line())["error"]["message"]
+            told = (await second.line())["error"]
+            assert told["code"] == -32002
+            assert told["message"] == "too many connections: 1 are open already; close some and try again"
             assert await second.reader.read() == b""
         await settle(first)
+
+
+async def test_last_connections_are_kept_for_operators(path, monkeypatch):
+    monkeypatch.setattr("daemon.goals.server.MAX_CLIENTS", KEPT_FOR_OPERATORS + 1)
+    async with serving(path, observers=True), raw(path) as first, raw(path) as second:
+        await settle(first)
+        assert "too many connections" in (await second.line())["error"]["message"]
+
+
+def test_daemon_keeps_descriptors_for_itself():
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    found = []
+    for soft in (256, 1024, min(4096, limits[1])):
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, limits[1]))
+        found.append(most_clients())
+    resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+    assert found == [128, 896, 1000]
 
 
 async def test_stop_ends_what_waits_and_removes_the_socket(path):

@@ -1,0 +1,33 @@
+"""Whose turn it is: users in turn, of each user its processes, of each process what it asked for."""
+
+from collections import deque
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+
+class Turns(Generic[T]):
+    """A queue that is fair to users and processes, however many connections and requests each of them has."""
+
+    def __init__(self) -> None:
+        self._users: dict[int, dict[int, deque[T]]] = {}
+
+    def __bool__(self) -> bool:
+        return bool(self._users)
+
+    def put(self, uid: int, pid: int, item: T) -> None:
+        """Add an item of a process of a user."""
+        self._users.setdefault(uid, {}).setdefault(pid, deque()).append(item)
+
+    def take(self) -> T:
+        """Remove and return the next. Raises `StopIteration` when there is none: look first."""
+        uid = next(iter(self._users))
+        processes = self._users.pop(uid)
+        pid = next(iter(processes))
+        items = processes.pop(pid)
+        item = items.popleft()
+        if items:
+            processes[pid] = items
+        if processes:
+            self._users[uid] = processes
+        return item
