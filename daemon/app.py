@@ -26,6 +26,7 @@ from daemon.loops.vehicle import Vehicle
 from daemon.notify import notify
 from daemon.parameters import dead_man_timing
 from daemon.realtime import apply as apply_realtime
+from daemon.realtime import preload
 from daemon.reports import Reports
 from daemon.safety.dead_man import DeadMan
 from daemon.settings import Config
@@ -95,6 +96,7 @@ async def _main(config: Config, socket: Path | None, watch: Callable[[Vehicle], 
         log.error("vehicle_unavailable", reason=str(error))
         listener.close()
         return EXIT_IN_USE
+    preload()
     apply_realtime(config.loops)
     link = MavsdkLink(config.link.connection, link_timeout_s=config.link.lost_s)
     vehicle = Vehicle(config, link, lambda: live_alarm(loop))

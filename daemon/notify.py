@@ -3,9 +3,11 @@
 import os
 import socket
 
+SEND_S = 0.02  # two ticks: a systemd that does not read must not stand still with us
+
 
 def notify(message: str) -> bool:
-    """Send ``READY=1``, ``WATCHDOG=1``, ``STATUS=...`` or ``STOPPING=1``; False when nobody listens."""
+    """Send ``READY=1``, ``WATCHDOG=1``, ``STATUS=...`` or ``STOPPING=1``; False when nobody listens, or not in time."""
     address = os.environ.get("NOTIFY_SOCKET")
     if not address:
         return False
@@ -13,6 +15,7 @@ def notify(message: str) -> bool:
         address = "\0" + address[1:]
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as channel:
+            channel.settimeout(SEND_S)
             channel.connect(address)
             channel.sendall(message.encode())
     except OSError:

@@ -1,6 +1,7 @@
-"""Real-time rights where they are permitted, and a plain warning where they are not."""
+"""Real-time rights where they are permitted, and a plain warning where they are not; nothing is loaded in flight."""
 
 import ctypes
+import importlib
 import os
 
 from daemon import logs
@@ -8,7 +9,15 @@ from daemon.settings import Loops
 
 _MCL_CURRENT_AND_FUTURE = 3
 
+_LOADED_LATE = ("pymap3d",)  # `frames` has it at the first place on the globe: thirty files of a slow disk, some ticks
+
 log = logs.get("realtime")
+
+
+def preload() -> None:
+    """Load the modules that others load at their first use."""
+    for name in _LOADED_LATE:
+        importlib.import_module(name)
 
 
 def apply(loops: Loops) -> None:

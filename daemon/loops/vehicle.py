@@ -89,12 +89,12 @@ class Vehicle:
         try:
             await part.run()
         except Exception as error:
-            log.error("task_failed", exc_info=error)
             if self.trajectory.goal_id is not None:
                 self.trajectory.abort(self.trajectory.goal_id, "task_failed")
             if part is not self.control:
                 await self.release()
             self.gate.latch()
+            log.error("task_failed", exc_info=error)  # reads sources from disk: not before the vehicle is given away
             await self._let_go()
             raise
 

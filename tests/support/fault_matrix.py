@@ -15,8 +15,10 @@ from daemon.config import load
 from daemon.loops.goal_book import GoalEntry
 from daemon.messages import FlightMode, Setpoint
 from daemon.pipeline import Inputs, Record
+from daemon.realtime import preload
 from daemon.safety.supervisor import OURS, State
 from daemon.sim.faults import Fault
+from support import blocking_calls
 from support.flight import Flight, fly
 
 GOAL_NED_M = (40.0, 0.0, -12.0)
@@ -110,6 +112,7 @@ class _Witness:
         self.reach_m = 0.0
         self.struck_s = 0.0
         self.asked_before = 0
+        self.waits = blocking_calls.begin()
         self._step = flight.px4.step
         flight.px4.step = self._stepped  # type: ignore[method-assign]
         flight.vehicle.control.listeners.append(self._on_tick)
@@ -154,7 +157,7 @@ class _Witness:
             reach_m=self.reach_m,
             ends=ends,
             starves=_largest_gap_s([*self.fed_s, end_s]) > WATCHDOG_S,
-            faults=broken_limits(flight.sent) + _broken_rules(flight, self.commanded_rad),
+            faults=[*broken_limits(flight.sent), *_broken_rules(flight, self.commanded_rad), *self.waits],
         )
 
 
@@ -170,12 +173,15 @@ def strike(case: Case, *, noise: bool = True, seed: int = 1) -> Seen:
             await _fly(case, flight, witness, stack)
 
     ends = False
+    preload()
     try:
         fly(scenario, seed=seed, noise=noise, config=case.config)
     except ExceptionGroup:
         if not case.ends:
             raise
         ends = True
+    finally:
+        blocking_calls.end()
     return witnesses[0].seen(ends)
 
 
