@@ -68,3 +68,59 @@ def test_violation_and_distance_agree(n: float, e: float, d: float) -> None:
 
 def test_the_default_fence_is_no_fence() -> None:
     assert violation(Geofence(), (1e6, sqrt(2) * 1e6, -1e6)) is None
+
+
+# Right angle at the anchor's corner (10, 20), 30 m north and 40 m east of it; its long edge is 50 m.
+TRIANGLE = Geofence(anchor_ned_m=(10.0, 20.0, 0.0), polygon_ne_m=((0.0, 0.0), (30.0, 0.0), (0.0, 40.0)))
+
+
+@pytest.mark.parametrize(
+    ("n", "e", "expected"),
+    [
+        (15.0, 20.0, 0.0),  # middle of the slanted edge, whose outward normal is (0.8, 0.6)
+        (15.0 + 8.0, 20.0 + 6.0, 10.0),
+        (15.0 - 4.0, 20.0 - 3.0, -5.0),
+        (1.0, 30.0, -1.0),
+        (12.0, 26.0, (12.0 * 4.0 + 26.0 * 3.0 - 120.0) / 5.0),
+        (33.0, -4.0, 5.0),
+        (-3.0, 44.0, 5.0),
+        (10.0, -7.0, 7.0),
+    ],
+)
+def test_distance_outside_a_slanted_edge(n: float, e: float, expected: float) -> None:
+    assert excess_m(TRIANGLE, (10.0 + n, 20.0 + e, -3.0)) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_corner_that_is_given_twice_changes_nothing() -> None:
+    twice = Geofence(polygon_ne_m=((40.0, 10.0), (40.0, 10.0), (80.0, 10.0), (80.0, 50.0), (40.0, 50.0)))
+    assert excess_m(twice, (43.0, 30.0, 0.0)) == pytest.approx(-3.0)
+    assert excess_m(twice, (37.0, 6.0, 0.0)) == pytest.approx(5.0)
+
+
+def test_the_edges_of_a_small_polygon_are_lines_too() -> None:
+    unit = Geofence(polygon_ne_m=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)))
+    assert excess_m(unit, (0.5, 3.0, 0.0)) == pytest.approx(2.0)
+    assert excess_m(unit, (0.4, 0.5, 0.0)) == pytest.approx(-0.4)
+
+
+def test_the_fence_itself_is_still_inside() -> None:
+    cylinder = Geofence(radius_m=5.0, floor_m=1.0, ceiling_m=30.0)
+    square = Geofence(polygon_ne_m=((0.0, 0.0), (8.0, 0.0), (8.0, 8.0), (0.0, 8.0)))
+    assert violation(cylinder, (3.0, 4.0, -10.0)) is None
+    assert violation(cylinder, (0.0, 0.0, -30.0)) is None
+    assert violation(cylinder, (0.0, 0.0, -1.0)) is None
+    assert violation(square, (8.0, 4.0, 0.0)) is None
+    assert violation(square, (7.5, 4.0, 0.0)) is None
+    assert violation(square, (8.5, 4.0, 0.0)) == (0, "8.5 m is 0.5 m outside the fence's polygon")
+
+
+def test_of_two_axes_equally_far_out_the_first_is_named() -> None:
+    assert (violation(Geofence(radius_m=5.0), (7.0, -7.0, 0.0)) or (None,))[0] == 0
+
+
+@pytest.mark.parametrize("place", range(3))
+def test_no_number_is_infinitely_far_outside(place: int) -> None:
+    position = [0.0, 0.0, -4.0]
+    position[place] = nan
+    for fence in (CYLINDER, L_SHAPE, Geofence(radius_m=5.0)):
+        assert excess_m(fence, (position[0], position[1], position[2])) == inf

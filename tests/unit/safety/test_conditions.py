@@ -1,0 +1,235 @@
+"""Each condition on its own: its bound, its time, its hysteresis, and what the autopilot's words mean."""
+
+from dataclasses import replace
+from math import cos, inf, nan, sin
+
+import pytest
+
+from daemon.messages import AutopilotStatus, EstimatedState, FlightMode, LandedState, SystemStatus
+from daemon.safety.conditions import Bounds, Conditions, Facts, Lasting, Memory, evaluate, in_flight, lasting
+from daemon.safety.geofence import Geofence
+
+TICK_S = 0.01
+FLYING = AutopilotStatus(
+    connected=True,
+    mode=FlightMode.HOLD,
+    intended_mode=FlightMode.HOLD,
+    armed=True,
+    landed=LandedState.IN_AIR,
+    system_status=SystemStatus.ACTIVE,
+)
+REST = EstimatedState(0.0, (0.0, 0.0, -5.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+CALM = Facts(FLYING, REST, 0.01)
+
+
+def tilted(angle_rad: float) -> Facts:
+    return replace(CALM, state=replace(REST, attitude_wb=(cos(0.5 * angle_rad), 0.0, sin(0.5 * angle_rad), 0.0)))
+
+
+def moving(speed_m_s: float) -> Facts:
+    return replace(CALM, state=replace(REST, velocity_ned_m_s=(0.6 * speed_m_s, 0.0, -0.8 * speed_m_s)))
+
+
+def at_height(height_m: float) -> Facts:
+    return replace(CALM, state=replace(REST, position_ned_m=(0.0, 0.0, -height_m)))
+
+
+def charged(fraction: float | None) -> Facts:
+    return replace(CALM, status=replace(FLYING, battery_fraction=fraction))
+
+
+# What is measured, what it makes true, the bound and the time it has to last: as the configuration and its guide say.
+EXCESSES = {
+    "variance": (lambda v: replace(CALM, position_variance_m2=v), "estimate_poor", 0.3, 0.0),
+    "innovation": (lambda v: replace(CALM, innovation=v), "estimate_poor", 1.0, 1.0),
+    "disagreement": (lambda v: replace(CALM, disagreement_rad=v), "attitude_disagrees", 0.26, 2.0),
+    "tilt": (tilted, "tilt_excess", 1.3, 0.3),
+    "speed": (moving, "speed_excess", 20.0, 0.5),
+}
+
+
+class Ticks:
+    """Evaluates the conditions at 100 Hz, beginning at a time that is not zero."""
+
+    def __init__(self, bounds: Bounds | None = None) -> None:
+        self.bounds = bounds or Bounds()
+        self.memory = Memory()
+        self.n = 0
+
+    def run(self, facts: Facts, seconds: float = TICK_S) -> Conditions:
+        for _ in range(max(1, round(seconds / TICK_S))):
+            self.memory, conditions = evaluate(self.memory, facts, 7.0 + self.n * TICK_S, self.bounds)
+            self.n += 1
+        return conditions
+
+    def lasts_s(self, facts: Facts, condition: str) -> float:
+        """How long it takes until the condition is true."""
+        begin = self.n
+        while not getattr(self.run(facts), condition):
+            assert self.n - begin < 1000
+        return (self.n - 1 - begin) * TICK_S
+
+
+@pytest.mark.parametrize("name", EXCESSES)
+def test_an_excess_counts_after_its_time_without_a_break(name: str) -> None:
+    facts, condition, bound, for_s = EXCESSES[name]
+    ticks = Ticks()
+    assert not getattr(ticks.run(facts(0.99 * bound), 4.0), condition)
+    assert ticks.lasts_s(facts(1.01 * bound), condition) == pytest.approx(for_s, abs=1.5 * TICK_S)
+    ticks = Ticks()
+    for _ in range(3):
+        assert not for_s or not getattr(ticks.run(facts(1.01 * bound), 0.9 * for_s), condition)
+        ticks.run(CALM)
+    assert ticks.lasts_s(facts(nan), condition) == pytest.approx(for_s, abs=1.5 * TICK_S), "no number is an excess"
+
+
+@pytest.mark.parametrize("name", EXCESSES)
+def test_an_excess_that_counted_ends_below_four_fifths_of_its_bound(name: str) -> None:
+    facts, condition, bound, _ = EXCESSES[name]
+    ticks = Ticks()
+    ticks.lasts_s(facts(1.01 * bound), condition)
+    assert getattr(ticks.run(facts(0.82 * bound), 3.0), condition)
+    assert not getattr(ticks.run(facts(0.78 * bound)), condition)
+    assert not getattr(ticks.run(facts(0.82 * bound), 3.0), condition)
+
+
+def test_the_bound_itself_is_no_excess() -> None:
+    assert lasting(Lasting(), 2.0, 2.0, 0.0, 5.0, 0.8) == Lasting()
+    assert lasting(Lasting(), 2.1, 2.0, 0.0, 5.0, 0.8) == Lasting(5.0, True)
+    assert lasting(Lasting(4.0), 2.1, 2.0, 1.0, 5.0, 0.8) == Lasting(4.0, True)
+    assert lasting(Lasting(4.5), 2.1, 2.0, 1.0, 5.0, 0.8) == Lasting(4.5, False)
+
+
+def test_without_a_state_neither_tilt_nor_speed_nor_fence_is_exceeded() -> None:
+    bounds = Bounds(tilt_rad=0.5, speed_m_s=0.5, fence=Geofence(radius_m=0.0, hard_margin_m=0.0))
+    conditions = Ticks(bounds).run(replace(CALM, state=None), 1.0)
+    assert not (conditions.tilt_excess or conditions.speed_excess)
+    assert not (conditions.fence_crossed or conditions.fence_breached or conditions.fence_drifts)
+    assert not conditions.state_usable
+
+
+def test_a_low_battery_counts_after_five_seconds_and_no_longer_once_it_is_charged_enough() -> None:
+    ticks = Ticks(Bounds(battery_fraction=0.3))
+    assert not ticks.run(charged(0.31), 10.0).battery_low
+    assert not ticks.run(charged(0.30), 10.0).battery_low
+    assert not ticks.run(charged(None), 10.0).battery_low
+    assert ticks.lasts_s(charged(0.29), "battery_low") == pytest.approx(5.0, abs=1.5 * TICK_S)
+    assert not ticks.run(charged(0.30)).battery_low
+    assert ticks.lasts_s(charged(0.0), "battery_low") == pytest.approx(5.0, abs=1.5 * TICK_S)
+
+
+def test_an_empty_battery_is_left_to_the_autopilot_unless_a_bound_is_set() -> None:
+    assert not Ticks().run(charged(0.0), 10.0).battery_low
+    assert not Ticks().run(charged(-0.01), 10.0).battery_low
+
+
+@pytest.mark.parametrize(
+    ("height_m", "crossed", "breached", "drifts"),
+    [
+        (30.0, False, False, False),
+        (30.1, True, False, False),
+        (36.0, True, False, False),
+        (36.1, True, True, False),
+        (42.0, True, True, False),
+        (42.1, True, True, True),
+    ],
+)
+def test_the_hard_fence_lies_a_margin_outside_and_the_drift_two(
+    height_m: float, crossed: bool, breached: bool, drifts: bool
+) -> None:
+    conditions = Ticks(Bounds(fence=Geofence(ceiling_m=30.0, hard_margin_m=6.0))).run(at_height(height_m))
+    assert (conditions.fence_crossed, conditions.fence_breached, conditions.fence_drifts) == (crossed, breached, drifts)
+
+
+def test_the_margin_of_the_fence_is_five_metres_unless_told() -> None:
+    bounds = Bounds(fence=Geofence(ceiling_m=30.0))
+    assert not Ticks(bounds).run(at_height(34.9)).fence_breached
+    assert Ticks(bounds).run(at_height(35.1)).fence_breached
+
+
+@pytest.mark.parametrize(("age_s", "usable", "lost"), [(0.2, True, False), (0.21, False, False), (0.5, False, False)])
+def test_a_state_is_usable_until_it_is_too_old_to_coast(age_s: float, usable: bool, lost: bool) -> None:
+    conditions = Ticks().run(replace(CALM, age_s=age_s))
+    assert (conditions.state_usable, conditions.estimate_lost) == (usable, lost)
+
+
+def test_a_state_older_than_half_a_second_and_one_that_never_came_are_lost() -> None:
+    assert Ticks().run(replace(CALM, age_s=0.51)).estimate_lost
+    never = Ticks().run(Facts(FLYING))
+    assert never.estimate_lost and not never.state_usable
+
+
+@pytest.mark.parametrize("armed", [True, False])
+@pytest.mark.parametrize("landed", list(LandedState))
+def test_in_flight_is_armed_and_not_said_to_be_on_the_ground(armed: bool, landed: LandedState) -> None:
+    status = replace(FLYING, armed=armed, landed=landed)
+    conditions = Ticks().run(replace(CALM, status=status))
+    assert in_flight(status) == (armed and landed != LandedState.ON_GROUND)
+    assert conditions.in_flight == in_flight(status)
+    assert conditions.in_air == (armed and landed == LandedState.IN_AIR)
+    assert conditions.landed == (landed == LandedState.ON_GROUND)
+    assert conditions.armed == armed
+
+
+@pytest.mark.parametrize("status", list(SystemStatus))
+def test_from_critical_on_the_autopilot_has_a_failsafe_and_termination_ends_all(status: SystemStatus) -> None:
+    conditions = Ticks().run(replace(CALM, status=replace(FLYING, system_status=status)))
+    assert conditions.failsafe == (status >= 5), "MAV_STATE_CRITICAL"
+    assert conditions.terminated == (status >= 8), "MAV_STATE_FLIGHT_TERMINATION"
+    assert conditions.engageable == (status == 4), "MAV_STATE_ACTIVE"
+
+
+def test_an_autopilot_that_flies_another_mode_than_it_was_told_has_a_failsafe() -> None:
+    for mode, intended, failsafe in (
+        (FlightMode.RETURN, FlightMode.MISSION, True),
+        (FlightMode.RETURN, FlightMode.RETURN, False),
+        (FlightMode.RETURN, FlightMode.UNKNOWN, False),
+        (FlightMode.UNKNOWN, FlightMode.RETURN, False),
+        (FlightMode.OFFBOARD, FlightMode.HOLD, False),
+    ):
+        conditions = Ticks().run(replace(CALM, status=replace(FLYING, mode=mode, intended_mode=intended)))
+        assert conditions.failsafe is failsafe, (mode, intended)
+
+
+@pytest.mark.parametrize("mode", list(FlightMode))
+def test_each_mode_is_called_by_its_name(mode: FlightMode) -> None:
+    conditions = Ticks().run(replace(CALM, status=replace(FLYING, mode=mode, intended_mode=mode)))
+    assert conditions.offboard == (mode.name == "OFFBOARD")
+    assert conditions.hold == conditions.engageable == (mode.name == "HOLD")
+    assert conditions.takeoff == (mode.name == "TAKEOFF")
+    assert conditions.landing == (mode.name in ("LAND", "RETURN", "PRECISION_LAND"))
+
+
+def test_what_makes_a_vehicle_engageable_is_needed_all_together() -> None:
+    assert Ticks().run(CALM).engageable
+    for spoiled in (
+        replace(CALM, status=replace(FLYING, armed=False)),
+        replace(CALM, status=replace(FLYING, landed=LandedState.LANDING)),
+        replace(CALM, status=replace(FLYING, intended_mode=FlightMode.MISSION)),
+        replace(CALM, age_s=0.3),
+        replace(CALM, state=None),
+        replace(CALM, variance_grows=True),
+        replace(CALM, position_variance_m2=0.31),
+        replace(CALM, innovation=1.1),
+        replace(CALM, disagreement_rad=0.3),
+    ):
+        assert not Ticks().run(spoiled, 2.5).engageable, spoiled
+
+
+def test_facts_that_are_conditions_are_passed_on() -> None:
+    for name, condition in (
+        ("variance_grows", "estimate_worsens"),
+        ("truth_returned", "truth_returned"),
+        ("goal_active", "goal_active"),
+        ("latched", "latched"),
+    ):
+        assert not getattr(Ticks().run(CALM), condition)
+        assert getattr(Ticks().run(replace(CALM, **{name: True})), condition)  # type: ignore[arg-type]
+    assert not Ticks().run(replace(CALM, status=replace(FLYING, connected=False))).link
+
+
+def test_requests_are_taken_as_they_are_named_and_the_boot_count_is_remembered() -> None:
+    memory, conditions = evaluate(Memory(), CALM, 1.0, Bounds(), engage_asked=True, release_over=True)
+    assert conditions.engage_asked and conditions.release_over and not conditions.release_asked
+    assert memory.boot_count == FLYING.boot_count
+    assert Facts(FLYING).age_s == inf
