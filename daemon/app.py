@@ -100,7 +100,7 @@ async def _main(config: Config, socket: Path | None, watch: Callable[[Vehicle], 
     apply_realtime(config.loops)
     link = MavsdkLink(config.link.connection, link_timeout_s=config.link.lost_s)
     vehicle = Vehicle(config, link, lambda: live_alarm(loop))
-    vehicle.control.listeners.append(PhaseLock(vehicle.control.grid).on_tick)
+    vehicle.control.listeners.append(PhaseLock(vehicle.control.grid, vehicle.autopilot.odometry).on_tick)
     watch(vehicle)
     dead_man = DeadMan(vehicle.gate, dead_man_timing(config), lambda event: log.error(event))
     log.info("started", connection=config.link.connection, config_hash=config.hash(), pid=os.getpid())

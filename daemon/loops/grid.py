@@ -145,11 +145,14 @@ class Grid:
     """Calls ``tick(now_s, dt_s)`` every ``period_s`` on a grid of the loop's clock, until cancelled or it raises.
 
     ``slew_s``, set from within a tick, moves the phase of the ticks after it, at most 1 % of a period a tick.
+    ``pause_s(late_s)`` is asked when a tick is due, and again after as many seconds as it says, until it says none:
+    a tick may wait a little for what it needs, and the grid stays where it is.
     """
 
     def __init__(self, period_s: float, alarm: Alarm) -> None:
         self.period_s = period_s
         self.slew_s = 0.0
+        self.pause_s: Callable[[float], float] = lambda _late_s: 0.0
         self.statistics = Statistics()
         self._alarm = alarm
         self._due_s = 0.0
@@ -173,6 +176,10 @@ class Grid:
             now_s = loop.time()
             if now_s < self._due_s:
                 self._alarm.set(self._due_s, ring)
+                return
+            pause_s = self.pause_s(now_s - self._due_s)
+            if pause_s > 0.0:
+                self._alarm.set(now_s + pause_s, ring)
                 return
             try:
                 dt_s = self._advance(now_s)

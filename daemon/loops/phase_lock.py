@@ -3,6 +3,7 @@
 from cmath import phase, rect
 from math import log, pi, sqrt
 
+from daemon.latest import Latest
 from daemon.loops.grid import MAX_SLEW, Grid
 from daemon.messages import Odometry
 from daemon.pipeline import Inputs, Record
@@ -12,6 +13,8 @@ _SMOOTHING = 0.05  # share of a new sample
 _REGULAR = 0.75  # length of the mean phasor from which on there is a phase to lock to
 _SPREADS = 2.0  # standard deviations of the arrivals that a tick waits for
 _GAIN = 0.2 * _SMOOTHING  # of the error, a tick: well damped together with the averaging
+_PATIENCE = 0.08  # of a period, for a sample that is late; from a tenth on a tick counts as late
+_LOOK_AGAIN_S = 0.0001
 _DRIFT_GAIN = 0.25 * _GAIN * _GAIN  # the same of the drift between the clocks
 
 
@@ -19,22 +22,33 @@ class PhaseLock:
     """A listener of the control task that slews its grid by the age of each new sample at its tick.
 
     Ages are averaged as phasors of the period, so that they may wrap. A stream that keeps no phase with the grid, for
-    it is uneven or has another rate, gives no slew.
+    it is uneven or has another rate, gives no slew. While there is a phase, a tick also waits a little for a sample
+    that is later than usual: without it the tick would use one that is a whole period older.
     """
 
-    def __init__(self, grid: Grid) -> None:
+    def __init__(self, grid: Grid, odometry: Latest[Odometry | None]) -> None:
         self._grid = grid
+        self._odometry = odometry
         self._period_s = grid.period_s
         self._seen: Odometry | None = None
         self._mean = 0j
         self._drift_s = 0.0
+        self._waits = False
+        grid.pause_s = self._pause_s
 
     def on_tick(self, inputs: Inputs, record: Record) -> None:
         """Look at the sample of this tick when it is a new one."""
         odometry = inputs.odometry
+        self._waits = False
         if odometry is not None and odometry is not self._seen:
             self._seen = odometry
             self._grid.slew_s = self.slew_s(record.now_s - odometry.arrival_s)
+            self._waits = abs(self._mean) > _REGULAR  # not after a tick that waited in vain: the stream may have ended
+
+    def _pause_s(self, late_s: float) -> float:
+        if not self._waits or late_s >= _PATIENCE * self._period_s or self._odometry.value is not self._seen:
+            return 0.0
+        return _LOOK_AGAIN_S
 
     def slew_s(self, age_s: float) -> float:
         """By how much the next tick should come later (earlier when negative)."""

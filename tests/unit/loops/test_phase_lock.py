@@ -1,13 +1,17 @@
 """The grid's phase against telemetry: ticks settle just after regular arrivals, and ignore irregular ones."""
 
+import asyncio
 from collections.abc import Callable
 from random import Random
 from unittest.mock import Mock
 
 import pytest
 
-from daemon.loops.grid import MAX_SLEW, Grid
+from daemon.latest import Latest
+from daemon.loops.grid import MAX_SLEW, Grid, LoopAlarm
 from daemon.loops.phase_lock import MARGIN_S, PhaseLock
+from daemon.messages import Odometry
+from daemon.sim.virtual_time import run_virtual
 
 
 class Silent:
@@ -22,7 +26,7 @@ class Silent:
 
 def ages_s(period_s: float, arrival_s: Callable[[int], float], ticks: int = 3000) -> list[float]:
     """Ages of the new samples at the ticks of a grid that obeys the lock, as the grid bounds it."""
-    lock, now_s, sample, found = PhaseLock(Grid(period_s, Silent())), 1.0, 0, []
+    lock, now_s, sample, found = PhaseLock(Grid(period_s, Silent()), Latest(None)), 1.0, 0, []
     for _ in range(ticks):
         newest = sample
         while arrival_s(newest + 1) <= now_s:
@@ -57,7 +61,7 @@ def test_a_clock_that_drifts_by_five_in_a_thousand_is_followed() -> None:
 
 
 def test_an_uneven_stream_is_left_alone() -> None:
-    lock = PhaseLock(Grid(0.01, Silent()))
+    lock = PhaseLock(Grid(0.01, Silent()), Latest(None))
     slews = [lock.slew_s((0.003, 0.007, 0.001, 0.009, 0.005)[n % 5]) for n in range(500)]
     assert slews[20:] == [0.0] * 480
 
@@ -69,7 +73,7 @@ def test_half_the_rate_of_the_stream_locks_as_well() -> None:
 
 def test_a_sample_counts_once_at_the_tick_that_saw_it_first() -> None:
     grid = Grid(0.01, Silent())
-    lock = PhaseLock(grid)
+    lock = PhaseLock(grid, Latest(None))
     inputs, record = Mock(), Mock(now_s=1.004)
     for _ in range(100):
         inputs.odometry = Mock(arrival_s=1.0)
@@ -78,3 +82,41 @@ def test_a_sample_counts_once_at_the_tick_that_saw_it_first() -> None:
     grid.slew_s = 0.0
     lock.on_tick(inputs, record)
     assert grid.slew_s == 0.0
+
+
+async def ticks_with(late_s: Callable[[int], float | None], samples: int = 400) -> list[tuple[float, float]]:
+    """Flies a grid with its lock on samples that are late by ``late_s`` (None: lost); (age, dt) of each tick."""
+    loop = asyncio.get_running_loop()
+    cell: Latest[Odometry | None] = Latest(None)
+    grid = Grid(0.01, LoopAlarm(loop))
+    lock = PhaseLock(grid, cell)
+    found: list[tuple[float, float]] = []
+
+    def arrive() -> None:
+        cell.set(Mock(arrival_s=loop.time()))
+
+    def tick(now_s: float, dt_s: float) -> None:
+        if cell.value is not None:
+            found.append((now_s - cell.value.arrival_s, dt_s))
+        lock.on_tick(Mock(odometry=cell.value), Mock(now_s=now_s))
+
+    for n in range(samples):
+        late = late_s(n)
+        if late is not None:
+            loop.call_at(0.0042 + 0.01 * n + late, arrive)
+    running = loop.create_task(grid.run(tick))
+    await asyncio.sleep(0.01 * samples)
+    running.cancel()
+    return found
+
+
+def test_a_tick_waits_for_a_sample_that_is_a_little_late() -> None:
+    found = run_virtual(ticks_with(lambda n: 0.0007 if n % 40 == 0 else 0.0))[200:]
+    assert max(age for age, _ in found) < 0.002
+    assert max(dt for _, dt in found) < 0.011
+
+
+def test_a_tick_does_not_wait_for_a_sample_that_is_lost() -> None:
+    found = run_virtual(ticks_with(lambda n: None if n >= 300 else 0.0))
+    assert max(dt for _, dt in found[290:]) < 0.011
+    assert [dt for _, dt in found[310:]] == pytest.approx([0.01] * len(found[310:]), abs=1e-6)
