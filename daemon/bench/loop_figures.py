@@ -13,6 +13,7 @@ Figures = dict[str, Any]
 
 OVERTAKEN_S = 1e-3
 _OWN = frozenset({"from_s", "to_s", "cpu_s", "rss_mb", "used", "memory"})
+PARTS = ("wire to callback", "callback to tick", "tick to wire")
 _COUNTS = frozenset({"setpoints", "overtaken", "late", "missed", "missed_collecting", "collections", "rounds"})
 
 
@@ -22,12 +23,13 @@ class Delays:
 
     ``every``: to each setpoint from the sample that it was computed from, so a sample that was used again counts again.
     ``first``: from each sample that was used to the first setpoint that used it. ``overtaken``: setpoints before which
-    a newer sample had been sent by ``OVERTAKEN_S`` or more.
+    a newer sample had been sent by ``OVERTAKEN_S`` or more. ``parts``: each of ``first`` as ``PARTS``, of the daemon.
     """
 
     every: list[float] = field(default_factory=list)
     first: list[float] = field(default_factory=list)
     overtaken: int = 0
+    parts: list[tuple[float, float, float]] = field(default_factory=list)
 
 
 def figures_of(said: Figures, log: Figures, period_s: float) -> Figures:
@@ -55,6 +57,12 @@ def figures_of(said: Figures, log: Figures, period_s: float) -> Figures:
         "cpu_s_per_minute": 60.0 * said["cpu_s"] / (to_s - from_s),
         "rss_mb": said["rss_mb"],
     }
+    if delays.parts:
+        figures["parts"] = {
+            f"{part} p{100 * share:.0f}_ms": 1e3 * quantile(seconds, share)
+            for part, seconds in zip(PARTS, zip(*delays.parts, strict=True), strict=True)
+            for share in (0.5, 0.99)
+        }
     if "memory" in said:
         figures |= _memory(said["memory"])
     return figures | {key: value for key, value in said.items() if key not in _OWN}
@@ -72,12 +80,12 @@ def _memory(samples: Sequence[tuple[float, float]]) -> Figures:
 
 def delays_of(
     setpoints: Sequence[tuple[float, float]],
-    used: Sequence[tuple[float, int]] | None,
+    used: Sequence[tuple[float, int, float]] | None,
     odometry: Sequence[tuple[int, float]],
 ) -> Delays:
     """The delays of setpoints (arrival, thrust) on samples (number, when it was sent).
 
-    The daemon says which number it used at which tick (``used``); the others send the number in the thrust.
+    The daemon says what it ``used``: time of the tick, number, arrival by its clock; the others send it as thrust.
     """
     found, tick, newest, last = Delays(), 0, 0, -1
     for at_s, thrust in setpoints:
@@ -97,6 +105,9 @@ def delays_of(
         found.every.append(delay_s)
         if own > last:
             found.first.append(delay_s)
+            if used is not None:
+                tick_s, _, arrival_s = used[tick]
+                found.parts.append((arrival_s - odometry[own][1], tick_s - arrival_s, at_s - tick_s))
             last = own
         found.overtaken += own < newest and odometry[own + 1][1] <= at_s - OVERTAKEN_S
     return found

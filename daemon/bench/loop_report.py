@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import Any
 
-from daemon.bench.loop_figures import Figures
+from daemon.bench.loop_figures import PARTS, Figures
 
 _COLUMNS = (
     ("period", "p50", "period_p50_ms", 2),
@@ -63,11 +63,15 @@ def _remarks(name: str, f: Figures) -> list[str]:
 
 def _inside(f: Figures) -> list[str]:
     stages = ", ".join(f"{stage} {cost:.0f}" for stage, cost in f["stages_us"].items())
+    parts = ", ".join(
+        f"{part} {f['parts'][f'{part} p50_ms']:.2f} / {f['parts'][f'{part} p99_ms']:.2f}" for part in PARTS
+    )
     collections = ", ".join(f"{count} of {generation}" for generation, count in f["collections"].items())
     slope = f", {f['rss_slope_mb_h']:+.2f} MB an hour" if f["seconds"] >= _LONG_S else ""
     return [
         f"period p99 {f['period_p99_ms']:.2f}, max {f['period_max_ms']:.2f} ms; {f['setpoints']} setpoints,"
         f" ticks late {f['late']}, missed {f['missed']}, of these after a collection {f['missed_collecting']}",
+        f"first use in parts, p50 / p99 ms: {parts}",
         f"step p50 {f['step_p50_us']:.0f}, p99 {f['step_p99_us']:.0f} us; run again in one go, p50: {stages}",
         f"collections {collections}; longest {f['collection_max_ms']:.2f} ms",
         f"memory {f['rss_first_mb']:.2f} to {f['rss_last_mb']:.2f} MB{slope};"

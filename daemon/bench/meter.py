@@ -26,6 +26,7 @@ class Meter:
         self._step_s = step_s
         self._ticks = 0
         self._at_s = array("d", bytes(8 * room))
+        self._arrivals_s = array("d", bytes(8 * room))
         self._steps_s = array("d", bytes(8 * room))
         self._numbers = array("H", bytes(2 * room))
         self._late = grid.statistics.late
@@ -43,6 +44,7 @@ class Meter:
         if inputs.odometry is not None and tick < len(self._at_s):
             self._at_s[tick] = record.now_s
             self._numbers[tick] = round(inputs.odometry.position_m[0] * 1e6)
+            self._arrivals_s[tick] = inputs.odometry.arrival_s
             self._steps_s[tick] = self._step_s()
             self._ticks = tick + 1
         if self._collected:
@@ -64,13 +66,14 @@ class Meter:
         self._memory.append((time.monotonic(), now_mb()))
 
     def report(self) -> dict[str, Any]:
-        """The figures; ``used``: when each tick was and the number of its sample, ``memory``: what there was when.
+        """The figures; ``used``: when each tick was, number and arrival of its sample, ``memory``: what there was when.
 
         ``missed_collecting``: missed ticks before which there was a collection.
         """
         statistics, steps_s = self._grid.statistics, self._steps_s[: self._ticks]
+        columns = (column[: self._ticks] for column in (self._at_s, self._numbers, self._arrivals_s))
         return {
-            "used": list(zip(self._at_s[: self._ticks], self._numbers[: self._ticks], strict=True)),
+            "used": list(zip(*columns, strict=True)),
             "memory": self._memory,
             "late": statistics.late - self._late,
             "missed": statistics.missed - self._missed,

@@ -34,10 +34,20 @@ def test_a_client_tells_in_the_thrust_which_odometry_it_used() -> None:
 
 def test_the_daemon_tells_at_which_tick_it_used_which() -> None:
     log = {"odometry": [(1, 1.000), (2, 1.010)], "setpoints": [(1.002, 0.5), (1.012, 0.5), (11.0, 0.5)]}
-    figures = figures_of(said(used=[(1.001, 1), (1.011, 2)]), log, 0.01)
+    figures = figures_of(said(used=[(1.001, 1, 1.0005), (1.011, 2, 1.0105)]), log, 0.01)
     assert (figures["delay_p50_ms"], figures["delay_p99_ms"]) == pytest.approx((2.0, 2.0))
     assert figures["deviation_p99_ms"] == pytest.approx(0.0)
     assert figures["setpoints"] == 2
+    assert figures["parts"] == pytest.approx(
+        {
+            "wire to callback p50_ms": 0.5,
+            "wire to callback p99_ms": 0.5,
+            "callback to tick p50_ms": 0.5,
+            "callback to tick p99_ms": 0.5,
+            "tick to wire p50_ms": 1.0,
+            "tick to wire p99_ms": 1.0,
+        }
+    )
     assert "used" not in figures
 
 
@@ -49,14 +59,16 @@ def test_a_number_that_came_round_again_is_the_newest_of_its_name() -> None:
 def test_a_sample_that_is_used_again_has_one_first_use() -> None:
     odometry = [(1, 1.000), (2, 1.020), (3, 1.040)]
     setpoints = [(1.002, 0.5), (1.012, 0.5), (1.023, 0.5), (1.033, 0.5)]
-    delays = delays_of(setpoints, [(1.001, 1), (1.011, 1), (1.021, 2), (1.031, 2)], odometry)
+    delays = delays_of(setpoints, [(1.001, 1, 1.0), (1.011, 1, 1.0), (1.021, 2, 1.0205), (1.031, 2, 1.0205)], odometry)
     assert delays.every == pytest.approx([0.002, 0.012, 0.003, 0.013])
     assert delays.first == pytest.approx([0.002, 0.003])
     assert delays.overtaken == 0
+    assert [sum(parts) for parts in delays.parts] == pytest.approx(delays.first)
+    assert delays.parts[1] == pytest.approx((0.0005, 0.0005, 0.002))
 
 
 def test_a_setpoint_is_overtaken_from_a_millisecond_on() -> None:
-    used = [(1.0, 1)]
+    used = [(1.0, 1, 0.9901)]
     for late_s, overtaken in ((0.0009, 0), (0.0011, 1)):
         odometry = [(1, 0.99), (2, 1.002)]
         assert delays_of([(1.002 + late_s, 0.5)], used, odometry).overtaken == overtaken

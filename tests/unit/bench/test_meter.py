@@ -24,7 +24,9 @@ class Rig:
         self.grid.statistics.missed += missed
         self.grid.statistics.late += missed > 0
         self.step_s = step_s
-        odometry: Any = SimpleNamespace(odometry=SimpleNamespace(position_m=(number * 1e-6, 0.0, 0.0)))
+        odometry: Any = SimpleNamespace(
+            odometry=SimpleNamespace(position_m=(number * 1e-6, 0.0, 0.0), arrival_s=self.now_s - 1e-3)
+        )
         record: Any = SimpleNamespace(now_s=self.now_s)
         self.meter.on_tick(odometry, record)
 
@@ -53,7 +55,8 @@ def test_it_tells_which_sample_was_used_when_and_what_the_steps_cost() -> None:
     for number in (4095, 0, 1):
         rig.tick(number, step_s=(number + 1) * 1e-6)
     report = rig.meter.report()
-    assert report["used"] == [(pytest.approx(0.01), 4095), (pytest.approx(0.02), 0), (pytest.approx(0.03), 1)]
+    expected = [(0.01, 4095, 0.009), (0.02, 0, 0.019), (0.03, 1, 0.029)]
+    assert [pytest.approx(entry) for entry in expected] == report["used"]
     assert (report["step_p50_us"], report["step_p99_us"]) == pytest.approx((2.0, 4096.0))
 
 
