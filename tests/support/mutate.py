@@ -26,8 +26,8 @@ from hypothesis import Phase, settings
 
 FURTHER_TESTS = {
     "daemon/safety": [f"tests/unit/safety/test_{name}.py" for name in ("geofence", "dead_man", "supervision")],
-    "daemon/control": ["tests/unit/control"],
-    "daemon/frames.py": ["tests/unit/control"],
+    "daemon/control": ["tests/unit/control/test_controller.py"],
+    "daemon/frames.py": ["tests/unit/control/test_controller.py"],
     "daemon/pipeline.py": ["tests/replay", "tests/closed_loop/test_first_flight.py"],
 }
 PRELOADED = ("numpy", "scipy.linalg", "scipy.optimize", "scipy.integrate", "scipy.spatial.transform", "scipy.stats")
