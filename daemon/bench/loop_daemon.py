@@ -55,14 +55,14 @@ class Flight:
         ended_s, after = time.monotonic(), resource.getrusage(resource.RUSAGE_SELF)
         control.listeners.remove(meter.on_tick)
         gc.callbacks.remove(meter.on_collection)
-        peak = peak_mb()
-        figures = meter.report() | {
+        peak, stages_us = peak_mb(), await self._stages_us()
+        return meter.report() | {
             "from_s": begun_s,
             "to_s": ended_s,
             "cpu_s": after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,
             "rss_mb": peak,
+            "stages_us": stages_us,
         }
-        return figures | {"stages_us": await self._stages_us()}
 
     async def _stages_us(self) -> dict[str, float]:
         """What the stages cost on the inputs of a while of flight, in one go after it."""

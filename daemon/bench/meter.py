@@ -29,8 +29,8 @@ class Meter:
         self._arrivals_s = array("d", bytes(8 * room))
         self._steps_s = array("d", bytes(8 * room))
         self._numbers = array("H", bytes(2 * room))
-        self._late = grid.statistics.late
-        self._missed = self._missed_before = grid.statistics.missed
+        self._late_before = self._late = grid.statistics.late
+        self._missed_before = self._missed = grid.statistics.missed
         self._missed_collecting = 0
         self._collected = False
         self._collections = [0, 0, 0]
@@ -41,6 +41,7 @@ class Meter:
     def on_tick(self, inputs: Inputs, record: Record) -> None:
         """Note which sample was used when, and whether a collection fell between the last tick and a late one."""
         tick, missed = self._ticks, self._grid.statistics.missed
+        self._late = self._grid.statistics.late
         if inputs.odometry is not None and tick < len(self._at_s):
             self._at_s[tick] = record.now_s
             self._numbers[tick] = round(inputs.odometry.position_m[0] * 1e6)
@@ -48,9 +49,9 @@ class Meter:
             self._steps_s[tick] = self._step_s()
             self._ticks = tick + 1
         if self._collected:
-            self._missed_collecting += missed - self._missed_before
+            self._missed_collecting += missed - self._missed
             self._collected = False
-        self._missed_before = missed
+        self._missed = missed
 
     def on_collection(self, phase: str, info: dict[str, int]) -> None:
         """Note a collection of garbage, as ``gc.callbacks`` tells it."""
@@ -66,17 +67,18 @@ class Meter:
         self._memory.append((time.monotonic(), now_mb()))
 
     def report(self) -> dict[str, Any]:
-        """The figures; ``used``: when each tick was, number and arrival of its sample, ``memory``: what there was when.
+        """The figures up to the newest tick; it takes a while after a long flight.
 
+        ``used``: when each tick was, number and arrival of its sample; ``memory``: when there was how much;
         ``missed_collecting``: missed ticks before which there was a collection.
         """
-        statistics, steps_s = self._grid.statistics, self._steps_s[: self._ticks]
+        steps_s = self._steps_s[: self._ticks]
         columns = (column[: self._ticks] for column in (self._at_s, self._numbers, self._arrivals_s))
         return {
             "used": list(zip(*columns, strict=True)),
             "memory": self._memory,
-            "late": statistics.late - self._late,
-            "missed": statistics.missed - self._missed,
+            "late": self._late - self._late_before,
+            "missed": self._missed - self._missed_before,
             "missed_collecting": self._missed_collecting,
             "step_p50_us": 1e6 * quantile(steps_s, 0.5),
             "step_p99_us": 1e6 * quantile(steps_s, 0.99),
