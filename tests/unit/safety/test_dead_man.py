@@ -1,6 +1,9 @@
 """The dead-man: silence is levelled, then latched; a stalled machine is not blamed on the loop."""
 
 import threading
+from itertools import pairwise
+
+import pytest
 
 from daemon.messages import FlightMode, Setpoint
 from daemon.safety.dead_man import Action, DeadMan, DeadManTiming, SetpointGate, Watch
@@ -153,3 +156,100 @@ def test_a_log_that_cannot_be_written_does_not_end_the_thread() -> None:
     dead_man.start()
     assert sender.asked.wait(10.0), "levelling was reported first, and that failed"
     dead_man.stop()
+
+
+# Times that floats hold exactly, to stand upon a bound.
+EXACT = DeadManTiming(level_after_s=0.125, latch_after_s=0.25, clock_gap_s=0.5, poll_s=0.0625)
+
+
+def test_silence_counts_from_its_bound_on() -> None:
+    times = [i * 0.0625 for i in range(6)]
+    nothing = Action.NOTHING
+    assert polled(Watch(EXACT), times, [7] * 6) == [nothing, nothing, Action.LEVEL, nothing, Action.LATCH, Action.LATCH]
+
+
+def test_silence_that_steps_over_its_bound_is_levelled_too() -> None:
+    watch = Watch(DeadManTiming(level_after_s=0.15, latch_after_s=0.25, clock_gap_s=0.5, poll_s=0.0625))
+    nothing = Action.NOTHING
+    assert polled(watch, [i * 0.0625 for i in range(5)], [7] * 5) == [nothing] * 3 + [Action.LEVEL, Action.LATCH]
+
+
+@pytest.mark.parametrize("after", [1, 2])
+def test_only_more_than_the_gap_of_the_clock_latches(after: int) -> None:
+    for gap_s, action in ((0.5, Action.NOTHING), (0.5625, Action.LATCH), (3.0, Action.LATCH)):
+        watch = Watch(EXACT)
+        watch.poll(0.0, 1, True)
+        assert watch.poll(gap_s, after, True) is action
+
+
+@pytest.mark.parametrize(("period_s", "latched"), [(2.4 * POLL_S, True), (2.6 * POLL_S, False)])
+def test_polls_that_come_late_do_not_count_as_silence(period_s: float, latched: bool) -> None:
+    actions = polled(Watch(DeadManTiming()), [i * period_s for i in range(30)], [7] * 30)
+    assert (Action.LATCH in actions) is latched
+
+
+def test_a_tick_ends_the_silence_and_the_next_one_is_levelled_again() -> None:
+    watch = Watch(EXACT)
+    assert polled(watch, [0.0, 0.0625, 0.125], [7, 7, 7])[-1] is Action.LEVEL
+    assert polled(watch, [0.1875, 0.25, 0.3125], [8, 8, 8])[-1] is Action.LEVEL
+
+
+def test_every_tick_is_counted_whether_it_sends_or_not() -> None:
+    gate = SetpointGate(Sender())
+    setpoint = Setpoint((0.0, 0.0, 0.0), 0.5)
+    counts = [gate.ticks]
+    for sent in (setpoint, None, setpoint):
+        gate.tick(sent, 0.5)
+        counts.append(gate.ticks)
+    gate.latch()
+    gate.tick(setpoint, 0.5)
+    counts.append(gate.ticks)
+    assert [b - a for a, b in pairwise(counts)] == [1, 1, 1, 1]
+
+
+@pytest.mark.parametrize(("gap_s", "latched"), [(0.29, False), (0.31, True)])
+def test_a_gap_of_three_tenths_latches_unless_told_otherwise(gap_s: float, latched: bool) -> None:
+    now = [10.0]
+    gate = SetpointGate(Sender(), lambda: now[0])
+    gate.tick(Setpoint((0.0, 0.0, 0.0), 0.5), 0.5)
+    now[0] += gap_s
+    gate.check_gap()
+    assert gate.latched is latched
+
+
+def test_the_gap_itself_is_none_and_hold_is_asked_for_up_to_the_second_in_which_the_autopilot_acts() -> None:
+    for gap_s, latched, modes in ((0.25, False, []), (1.0, True, [FlightMode.HOLD]), (1.25, True, [])):
+        sender, now = Sender(), [16.0]
+        gate = SetpointGate(sender, lambda now=now: now[0], gap_s=0.25)
+        gate.tick(Setpoint((0.0, 0.0, 0.0), 0.5), 0.5)
+        now[0] += gap_s
+        gate.check_gap()
+        assert gate.latched is latched
+        assert sender.modes == modes
+
+
+class TickingGate(SetpointGate):
+    """A gate whose task ticks before each poll, and that tells of its twentieth."""
+
+    def __init__(self, sender: Sender) -> None:
+        super().__init__(sender)
+        self.polled_often = threading.Event()
+
+    def __getattribute__(self, name: str) -> object:
+        if name == "ticks":
+            self.__dict__["ticks"] += 1
+            if self.__dict__["ticks"] > 20:
+                self.polled_often.set()
+        return super().__getattribute__(name)
+
+
+def test_the_thread_leaves_a_task_that_ticks_alone() -> None:
+    sender, events = Sender(), list[str]()
+    gate = TickingGate(sender)
+    gate.tick(Setpoint((0.0, 0.0, 0.0), 0.5), 0.5)
+    dead_man = DeadMan(gate, DeadManTiming(clock_gap_s=10.0, poll_s=0.001), events.append)
+    dead_man.start()
+    assert gate.polled_often.wait(10.0)
+    dead_man.stop()
+    assert not gate.latched
+    assert len(sender.setpoints) == 1 and sender.modes == [] and events == []
