@@ -3,19 +3,21 @@
 from cmath import phase, rect
 from math import log, pi, sqrt
 
+from daemon.frames import clamp
 from daemon.latest import Latest
 from daemon.loops.grid import MAX_SLEW, Grid
 from daemon.messages import Odometry
 from daemon.pipeline import Inputs, Record
 
-MARGIN_S = 0.0003  # after the arrival: a thread of its own puts the sample into its cell
-_SMOOTHING = 0.05  # share of a new sample
+MARGIN_S = 0.0002  # after the arrival: a thread of its own puts the sample into its cell
+_SMOOTHING = 0.1  # share of a new sample
 _REGULAR = 0.75  # length of the mean phasor from which on there is a phase to lock to
-_SPREADS = 2.0  # standard deviations of the arrivals that a tick waits for
-_GAIN = 0.2 * _SMOOTHING  # of the error, a tick: well damped together with the averaging
+_SPREADS = 1.0  # standard deviations of the arrivals by which a tick comes later still
+_GAIN = 0.3 * _SMOOTHING  # of the error, a tick: well damped together with the averaging
 _PATIENCE = 0.08  # of a period, for a sample that is late; from a tenth on a tick counts as late
 _LOOK_AGAIN_S = 0.0001
 _DRIFT_GAIN = 0.25 * _GAIN * _GAIN  # the same of the drift between the clocks
+_NEAR = 0.05  # of a period: what counts towards the drift, so that finding the phase is not taken for one
 
 
 class PhaseLock:
@@ -62,5 +64,6 @@ class PhaseLock:
         wanted_s = MARGIN_S + _SPREADS * spread_s
         late_s = phase(self._mean * rect(1.0, -turns * wanted_s)) / turns
         drift_max_s = MAX_SLEW * self._period_s
-        self._drift_s = min(drift_max_s, max(-drift_max_s, self._drift_s - _DRIFT_GAIN * late_s))
+        near_s = clamp(late_s, -_NEAR * self._period_s, _NEAR * self._period_s)
+        self._drift_s = clamp(self._drift_s - _DRIFT_GAIN * near_s, -drift_max_s, drift_max_s)
         return self._drift_s - _GAIN * late_s
