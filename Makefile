@@ -21,9 +21,10 @@ check: $(STAMP)
 bench: $(STAMP)
 	$(BIN)/flightd bench loop --against docs/measurements-loop.json
 
-# The long forms of what CI runs short: hostile lines, thousands of goals, a flood while flying, a thousand preemptions.
+# The long forms of what CI runs short: hostile lines, crowds of clients, thousands of goals, a flood while flying (a
+# minute, quiet and flooded side by side), a thousand preemptions.
 soak: $(STAMP)
-	FLIGHTD_SOAK=100 $(BIN)/pytest -s tests/process/test_socket_soak.py tests/closed_loop/test_preemptions.py
+	FLIGHTD_SOAK=100 $(BIN)/pytest -s tests/process/test_socket_soak.py tests/process/test_socket_flood.py tests/closed_loop/test_preemptions.py
 	$(BIN)/flightd bench goals --count 10000
 
 # Flies every fault and writes the measured responses, and the supervisor's diagram, into the document.
