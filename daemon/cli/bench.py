@@ -52,6 +52,25 @@ def loop(
 
 
 @bench_app.command()
+def start(
+    count: Annotated[int, typer.Option(help="How often it is started.", min=1, max=1000)] = 5,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Start the daemon as systemd does: from exec to READY.
+
+    Example: flightd bench start --count 10
+    """
+    from daemon.bench import start as benchmark
+    from daemon.bench.quantiles import quantile
+
+    seconds = [benchmark.seconds_to_ready() for _ in range(count)]
+    if as_json:
+        typer.echo(json.dumps({"starts": count, "ready_p50_s": quantile(seconds, 0.5), "ready_max_s": max(seconds)}))
+        return
+    typer.echo(f"{count} starts, exec to READY: p50 {quantile(seconds, 0.5):.2f}, most {max(seconds):.2f} s")
+
+
+@bench_app.command()
 def track(
     manoeuvre: Annotated[list[str] | None, typer.Option(help="Only this one; may be repeated.")] = None,
     condition: Annotated[list[str] | None, typer.Option(help="Only this one; may be repeated.")] = None,
