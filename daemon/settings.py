@@ -98,6 +98,7 @@ class Control(Section):
     thrust_lag_s: float = _number(0.0, 0.5, "s")
     rate_lag_s: Triple = _each(0.0, 2.0, "s")
     drag_1_s: Triple = _each(0.0, 5.0, "1/s", settable=True)
+    drag_max_1_s: float = _number(0.0, 5.0, "1/s", settable=True)
     rate_feed_forward: bool
     lag_compensation: bool
     disturbance_bandwidth_rad_s: float = _number(0.0, 20.0, "rad/s", settable=True)

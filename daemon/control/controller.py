@@ -66,8 +66,9 @@ def step(
     dt_s = sound_dt_s(dt_s)
     refused = refusals(estimate, predicted, reference)
     if "predicted" not in refused and abs(predicted.time_s - state.time_s) > RESTART_S:
-        state = ControlState(state.time_s, None, VehicleModel(hover_thrust=state.model.hover_thrust))
-    model = state.model if "estimate" in refused else vehicle_model.observed(state.model, estimate, p)
+        state = ControlState(state.time_s, None, vehicle_model.restarted(state.model))
+    flown = ZERO3 if "reference" in refused else reference.velocity_ned_m_s
+    model = state.model if "estimate" in refused else vehicle_model.observed(state.model, estimate, p, flown)
     state = ControlState(state.time_s, state.setpoint, model, state.memory)
     if "predicted" in refused:
         flow = Flow(blind(state, parameters=p), state.memory, ControlRecord())
@@ -96,6 +97,7 @@ def step(
         model.velocity_bias_ned_m_s,
         model.hover_thrust,
         model.acceleration_ned_m_s2,
+        model.drag.learned_1_s,
     )
     return ControlState(time_s, setpoint, model, flow.memory), setpoint, record
 
@@ -132,7 +134,7 @@ def shifted(state: ControlState, reset: Reset) -> ControlState:
     The command in the body does not change by it. A jump that is no number starts the observers anew.
     """
     if not sound_reset(reset):
-        return replace(state, model=VehicleModel(hover_thrust=state.hover_thrust))
+        return replace(state, model=vehicle_model.restarted(state.model))
     heading_rad = state.memory.heading_rad
     memory = state.memory if heading_rad is None else replace(state.memory, heading_rad=heading_rad + reset.yaw_rad)
     return replace(state, model=vehicle_model.shifted(state.model, reset), memory=memory)

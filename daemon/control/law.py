@@ -3,6 +3,7 @@
 from math import exp
 
 from daemon.control import attitude_laws, flatness, limits, position_law, thrust_map, velocity_yaw
+from daemon.control.drag import total
 from daemon.control.parameters import AttitudeLaw, ControlParameters
 from daemon.control.vehicle_model import VehicleModel
 from daemon.frames import add, conjugate, dot, down_axis, multiply, rotate, subtract
@@ -16,7 +17,7 @@ class ControlRecord:
 
     ``refused`` names the inputs that were unusable (estimate, predicted, reference), ``limited`` the limits that cut
     (thrust_vector, rates, thrust, slew). ``acceleration_ned_m_s2`` is what the vehicle is expected to accelerate with
-    now, for prediction.
+    now, for prediction; ``drag_learned_1_s`` adds to the configured drag along each axis.
     """
 
     refused: tuple[str, ...] = ()
@@ -31,6 +32,7 @@ class ControlRecord:
     velocity_bias_ned_m_s: Vec3 = ZERO3
     hover_thrust: float = 0.0
     acceleration_ned_m_s2: Vec3 = ZERO3
+    drag_learned_1_s: float = 0.0
 
 
 @value
@@ -69,7 +71,7 @@ def fly(
     velocity_error = subtract(predicted.velocity_ned_m_s, reference.velocity_ned_m_s)
     feedback = ZERO3 if p.feedthrough else _feedback(position_error, velocity_error, p)
     yaw_rad, yaw_rate_rad_s, heading_rad = _heading(memory, reference, p)
-    thrust, derivative = _thrust_vector(predicted, reference, feedback, model.disturbance_ned_m_s2, yaw_rad, p)
+    thrust, derivative = _thrust_vector(predicted, reference, feedback, model, yaw_rad, p)
     thrust, cut = limits.thrust_vector(
         thrust,
         tilt_max_rad=p.tilt_max_rad,
@@ -126,7 +128,7 @@ def _thrust_vector(
     predicted: EstimatedState,
     reference: Reference,
     feedback: Vec3,
-    disturbance: Vec3,
+    model: VehicleModel,
     yaw_rad: float,
     p: ControlParameters,
 ) -> tuple[Vec3, Vec3]:
@@ -134,9 +136,10 @@ def _thrust_vector(
     gravity = (0.0, 0.0, p.gravity_m_s2)
     bare = subtract(reference.acceleration_ned_m_s2, gravity)
     flat_wb = flatness.attitude_from_thrust(bare, yaw_rad, predicted.attitude_wb, p.heading_axis)
-    drag = flatness.rotor_drag(flat_wb, reference.velocity_ned_m_s, p.drag_1_s)
-    drag_derivative = flatness.rotor_drag(flat_wb, reference.acceleration_ned_m_s2, p.drag_1_s)
-    wanted = subtract(add(bare, feedback), add(drag, disturbance))
+    drag_1_s = total(model.drag, p.drag_1_s)
+    drag = flatness.rotor_drag(flat_wb, reference.velocity_ned_m_s, drag_1_s)
+    drag_derivative = flatness.rotor_drag(flat_wb, reference.acceleration_ned_m_s2, drag_1_s)
+    wanted = subtract(add(bare, feedback), add(drag, model.disturbance_ned_m_s2))
     return wanted, subtract(reference.jerk_ned_m_s3, drag_derivative)
 
 

@@ -67,6 +67,7 @@ class ControlParameters:
     hover_time_constant_s: float = 3.0  # how fast a vertical disturbance becomes hover thrust; inf: never
     hover_range: float = 0.5  # relative bound about the start value
     hover_tilt_max_rad: float = radians(15.0)  # learned below this tilt only
+    drag_max_1_s: float = 2.0  # of configured and learned drag; 0: none is learned
     linear_thrust: tuple[float, float] | None = None  # thrust = k a + offset (1/(m/s2), -) instead of the hover thrust
 
     # Limits
@@ -153,6 +154,7 @@ def mavros_controllers() -> ControlParameters:
         lag_compensation=False,
         velocity_bias_bandwidth_rad_s=0.0,
         disturbance_bandwidth_rad_s=0.0,
+        drag_max_1_s=0.0,
         hover_time_constant_s=inf,
         linear_thrust=(0.05, 0.1),
         tilt_max_rad=radians(85.0),

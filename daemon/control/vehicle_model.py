@@ -3,7 +3,8 @@
 from dataclasses import replace
 from math import exp
 
-from daemon.control import hover_thrust, observer, thrust_map
+from daemon.control import drag, hover_thrust, observer, thrust_map
+from daemon.control.drag import UNKNOWN, Drag
 from daemon.control.flatness import rotor_drag
 from daemon.control.observer import START, Observer
 from daemon.control.parameters import ControlParameters
@@ -30,6 +31,7 @@ class VehicleModel:
     by_velocity: Observer = START
     by_position: Observer = START
     acceleration_ned_m_s2: Vec3 = ZERO3
+    drag: Drag = UNKNOWN
 
     @property
     def disturbance_ned_m_s2(self) -> Vec3:
@@ -52,15 +54,24 @@ def commanded(model: VehicleModel, acts_s: float, thrust: float) -> VehicleModel
         end -= 1
     commands = (*commands[first:end], (acts_s, thrust))
     return VehicleModel(
-        model.hover_thrust, commands, model.thrust, model.by_velocity, model.by_position, model.acceleration_ned_m_s2
+        model.hover_thrust,
+        commands,
+        model.thrust,
+        model.by_velocity,
+        model.by_position,
+        model.acceleration_ned_m_s2,
+        model.drag,
     )
 
 
-def observed(model: VehicleModel, estimate: EstimatedState, p: ControlParameters) -> VehicleModel:
+def observed(
+    model: VehicleModel, estimate: EstimatedState, p: ControlParameters, reference_velocity_ned_m_s: Vec3 = ZERO3
+) -> VehicleModel:
     """The model after a sound sample of the state; one that is not newer changes nothing.
 
     The thrust that acts is the command after the vehicle's delay and lag, limits included: nothing winds up. At the
-    first sample a vehicle at rest is taken to lean against the wind, so that it is taken over as it is.
+    first sample a vehicle at rest is taken to lean against the wind, so that it is taken over as it is. The velocity of
+    the reference is what the drag is learned with.
     """
     time_s, dt_s = estimate.time_s, estimate.time_s - model.by_velocity.time_s
     if not dt_s > 0.0:
@@ -76,7 +87,8 @@ def observed(model: VehicleModel, estimate: EstimatedState, p: ControlParameters
     velocity_ned_m_s = add(estimate.velocity_ned_m_s, by_position.unexplained)
     attitude_wb = normalized(estimate.attitude_wb)
     thrust = _lagged_thrust(model, time_s, dt_s, p)
-    modelled = _acceleration(thrust, model.hover_thrust, attitude_wb, velocity_ned_m_s, p)
+    drag_1_s = drag.total(model.drag, p.drag_1_s)
+    modelled = _acceleration(thrust, model.hover_thrust, attitude_wb, velocity_ned_m_s, drag_1_s, p)
     by_velocity = observer.update(
         model.by_velocity,
         time_s,
@@ -92,7 +104,18 @@ def observed(model: VehicleModel, estimate: EstimatedState, p: ControlParameters
     if dt_s <= observer.STEP_MAX_S and tilt_of(attitude_wb) < p.hover_tilt_max_rad:
         hover, by_velocity = _with_hover_learned(hover, by_velocity, dt_s, p)
     expected = add(modelled, by_velocity.unexplained)
-    return VehicleModel(hover, model.commands, thrust, by_velocity, by_position, expected)
+    learned = UNKNOWN
+    if p.drag_max_1_s > 0.0:
+        learned = drag.learn(
+            model.drag,
+            reference_velocity_ned_m_s,
+            velocity_ned_m_s,
+            by_velocity.unexplained,
+            min(dt_s, observer.STEP_MAX_S),
+            configured_1_s=p.drag_1_s,
+            maximum_1_s=p.drag_max_1_s,
+        )
+    return VehicleModel(hover, model.commands, thrust, by_velocity, by_position, expected, learned)
 
 
 def shifted(model: VehicleModel, reset: Reset) -> VehicleModel:
@@ -112,13 +135,21 @@ def shifted(model: VehicleModel, reset: Reset) -> VehicleModel:
             derivative=add(p.derivative, reset.velocity_ned_m_s),
         ),
         acceleration_ned_m_s2=rotate_about_down(model.acceleration_ned_m_s2, reset.yaw_rad),
+        drag=drag.shifted(model.drag, reset),
     )
 
 
-def _acceleration(thrust: float, hover: float, attitude_wb: Quat, velocity: Vec3, p: ControlParameters) -> Vec3:
+def restarted(model: VehicleModel) -> VehicleModel:
+    """The model after a pause: what was learned of the vehicle itself stays."""
+    return VehicleModel(hover_thrust=model.hover_thrust, drag=drag.paused(model.drag))
+
+
+def _acceleration(
+    thrust: float, hover: float, attitude_wb: Quat, velocity: Vec3, drag_1_s: Vec3, p: ControlParameters
+) -> Vec3:
     """Acceleration by thrust, modelled drag and gravity."""
     force_m_s2 = thrust_map.acceleration_from_command(thrust, hover, p.thrust_curve, p.gravity_m_s2)
-    x, y, z = add(scale(down_axis(attitude_wb), -force_m_s2), rotor_drag(attitude_wb, velocity, p.drag_1_s))
+    x, y, z = add(scale(down_axis(attitude_wb), -force_m_s2), rotor_drag(attitude_wb, velocity, drag_1_s))
     return (x, y, z + p.gravity_m_s2)
 
 

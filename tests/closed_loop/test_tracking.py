@@ -40,6 +40,16 @@ def test_lemniscate_without_noise(peak_m_s: float, bound_m: float) -> None:
     assert tilt_max_rad(samples) < FAST.tilt_max_rad
 
 
+@pytest.mark.parametrize(("peak_m_s", "bound_m"), [(2.0, 0.02), (5.0, 0.04), (8.0, 0.06)])
+@pytest.mark.parametrize("wind", [(0.0, 0.0, 0.0), (4.0, 3.0, 0.0)], ids=["calm", "wind"])
+def test_lemniscate_with_a_drag_that_nobody_configured(peak_m_s: float, bound_m: float, wind: Vec3) -> None:
+    unknown = replace(FAST, drag_1_s=(0.0, 0.0, 0.0))
+    flight = Flight(reference_at=lemniscate(peak_m_s), parameters=unknown, wind_at=lambda _: wind)
+    late = [s for s in flight.fly(2.0 * lap_s(peak_m_s)) if s.time_s > lap_s(peak_m_s)]
+    assert rms([s.error_m for s in late]) < 0.6 * bound_m
+    assert late[-1].record.drag_learned_1_s == pytest.approx(1.0, abs=0.7 / peak_m_s)
+
+
 @pytest.mark.parametrize(("peak_m_s", "bound_m"), [(2.0, 0.12), (5.0, 0.15), (8.0, 0.20)])
 def test_lemniscate_with_the_recorded_errors_of_the_estimate(peak_m_s: float, bound_m: float) -> None:
     flight = Flight(reference_at=lemniscate(peak_m_s), parameters=FAST, errors=RecordedErrors())
