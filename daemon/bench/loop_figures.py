@@ -116,12 +116,14 @@ def delays_of(
 def over_rounds(rounds: Sequence[Figures]) -> Figures:
     """One flight's figures over its rounds: medians, but sums of counts and the largest of ``*_max_ms``.
 
-    Rounds that failed are left out, as ``rounds`` tells; the first one's figures when all did.
+    Rounds that failed are left out: ``failed`` counts them, ``failure`` says why; the first one's figures when all did.
     """
     good = [figures for figures in rounds if "error" not in figures]
     if not good:
         return rounds[0]
-    return {key: _merged(key, [figures[key] for figures in good]) for key in good[0]}
+    merged: Figures = {key: _merged(key, [figures[key] for figures in good]) for key in good[0]}
+    failures = [figures["error"] for figures in rounds if "error" in figures]
+    return merged | ({"failed": len(failures), "failure": failures[0]} if failures else {})
 
 
 def _merged(key: str, values: list[Any]) -> Any:

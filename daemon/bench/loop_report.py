@@ -7,7 +7,7 @@ from daemon.bench.loop_figures import PARTS, Figures
 
 _COLUMNS = (
     ("period", "p50", "period_p50_ms", 2),
-    ("off it", "p50", "deviation_p50_ms", 2),
+    ("deviation", "p50", "deviation_p50_ms", 2),
     ("", "p99", "deviation_p99_ms", 2),
     ("delay", "p50", "delay_p50_ms", 2),
     ("", "p99", "delay_p99_ms", 2),
@@ -18,7 +18,7 @@ _COLUMNS = (
     ("MB", "", "rss_mb", 0),
 )
 _LEGEND = """\
-Milliseconds at the autopilot's socket. off it: of the setpoints' period from its nominal value. delay: from ODOMETRY
+Milliseconds at the autopilot's socket. deviation: of the setpoints' period from its nominal value. delay: from ODOMETRY
 on the wire to each setpoint that used it; first use: to the first one. overtaken: setpoints that left 1 ms or more
 after a newer sample. CPU: of one core, all processes of the client; only flightd computes, the others echo, at a phase
 to the stream that is chance, so that their delays compare with nothing."""
@@ -56,9 +56,12 @@ def _row(name: str, width: int, cells: Iterable[str]) -> str:
 
 def _remarks(name: str, f: Figures) -> list[str]:
     """What the table has no column for."""
+    lines = _inside(f) if "stages_us" in f else []
     if f.get("fifo") == 0:
-        return ["", f"{name}: SCHED_FIFO was refused"]
-    return ["", f"{name}:", *(f"  {line}" for line in _inside(f))] if "stages_us" in f else []
+        lines.append("SCHED_FIFO was refused")
+    if f.get("failed"):
+        lines.append(f"{f['failed']} more rounds failed: {f['failure']}")
+    return ["", f"{name}:", *(f"  {line}" for line in lines)] if lines else []
 
 
 def _inside(f: Figures) -> list[str]:

@@ -92,7 +92,7 @@ def test_over_rounds_counts_add_up_and_the_rest_are_medians() -> None:
     ]
     merged = {"rounds": 3, "missed": 3, "cpu_pct": 6.0, "period_max_ms": 19.0, "collections": {"generation 0": 6}}
     assert over_rounds(rounds) == merged
-    assert over_rounds([{"error": "broken"}, *rounds])["rounds"] == 3
+    assert over_rounds([{"error": "broken"}, *rounds]) == merged | {"failed": 1, "failure": "broken"}
     assert over_rounds([{"error": "broken"}]) == {"error": "broken"}
 
 
@@ -107,11 +107,15 @@ def test_a_ratio_is_to_the_client_of_the_same_run() -> None:
 
 def test_the_table_names_what_failed_and_what_was_refused() -> None:
     log = {"odometry": [(1, 1.0)], "setpoints": [(1.5, 0.3001), (1.51, 0.3001)]}
-    flown = figures_of(said(fifo=0), log, 0.01)
+    flown = figures_of(said(fifo=0), log, 0.01) | {"failed": 2, "failure": "no autopilot"}
     lines = loop_report.table({"C, SCHED_FIFO": flown, "mavsdk-grpc": {"error": "skipped: not here"}}).splitlines()
     assert lines[2].split()[:4] == ["C,", "SCHED_FIFO", "10.00", "0.00"]
     assert lines[3] == "mavsdk-grpc     skipped: not here"
-    assert lines[-1] == "C, SCHED_FIFO: SCHED_FIFO was refused"
+    assert lines[-3:] == [
+        "C, SCHED_FIFO:",
+        "  SCHED_FIFO was refused",
+        "  2 more rounds failed: no autopilot",
+    ]
 
 
 def test_every_flight_of_the_programme_has_a_name_of_its_own() -> None:
