@@ -1,7 +1,6 @@
 """A minimum-snap path through points (Mellinger and Kumar 2011), its times allotted so that the limits are kept.
 
-The curve of least integrated snap through points at given times, with position, velocity, acceleration and jerk given
-at both ends, is the spline of degree 7 that is continuous up to the sixth derivative: scipy interpolates it.
+The curve itself is ``snap_spline``'s.
 """
 
 from dataclasses import replace
@@ -9,12 +8,12 @@ from math import hypot
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import BSpline, make_interp_spline
 
 from daemon.frames import subtract
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.plan import WINDOW_COUNT, Plan
-from daemon.messages import WINDOW_SPACING_S, Reference, Vec3
+from daemon.guidance.snap_spline import SnapSpline, interpolated
+from daemon.messages import WINDOW_SPACING_S, ZERO3, Reference, Vec3
 
 _HOPELESS = 8.0  # times the first guess at which stretching ends: a moving start may swing out further and further
 _LOOKS = 24  # instants of a segment at which they are checked
@@ -27,15 +26,15 @@ Array = npt.NDArray[np.float64]
 class MinimumSnapPlan(Plan):
     """A spline from the flown state through points to rest in the last one; ``passes_s`` are the times at them."""
 
-    def __init__(self, start: Reference, spline: BSpline, duration_s: float, passes_s: tuple[float, ...]) -> None:
+    def __init__(self, start: Reference, spline: SnapSpline, duration_s: float, passes_s: tuple[float, ...]) -> None:
         self.start_s = start.time_s
         self.passes_s = passes_s
         self._start = start
         # times of the spline count from the start: the clock's own would cost digits
-        self._derivatives = tuple(spline.derivative(order) if order else spline for order in range(4))
+        self._spline = spline
         self._duration_s = duration_s
         self._end_s = start.time_s + duration_s
-        end = self._derivatives[0](duration_s)
+        end = spline(np.array(duration_s))
         self._target = Reference(self._end_s, (float(end[0]), float(end[1]), float(end[2])), yaw_rad=start.yaw_rad)
 
     @property
@@ -58,7 +57,7 @@ class MinimumSnapPlan(Plan):
 
     def _samples(self, times_s: Array) -> tuple[Reference, ...]:
         held = np.clip(times_s - self.start_s, 0.0, self._duration_s)
-        rows = [derivative(held).tolist() for derivative in self._derivatives]
+        rows = [self._spline(held, order).tolist() for order in range(4)]
         return tuple(
             Reference(time, tuple(p), tuple(v), tuple(a), tuple(j), self._start.yaw_rad)
             if time < self._end_s
@@ -99,11 +98,10 @@ def through(start: Reference, points_ned_m: tuple[Vec3, ...], limits: MotionLimi
     return None
 
 
-def _spline(start: Reference, places: Array, times: Array) -> BSpline:
+def _spline(start: Reference, places: Array, times: Array) -> SnapSpline:
     """The spline through places at times, from the start's velocity and acceleration to rest; no jerk at the ends."""
-    zero = np.zeros(3)
-    begin = [(1, np.array(start.velocity_ned_m_s)), (2, np.array(start.acceleration_ned_m_s2)), (3, zero)]
-    return make_interp_spline(times, places, k=7, bc_type=(begin, [(1, zero), (2, zero), (3, zero)]))
+    first = np.array([start.velocity_ned_m_s, start.acceleration_ned_m_s2, ZERO3])
+    return interpolated(times, places, first, np.zeros((3, 3)))
 
 
 def _first_guess(places: Array, limits: MotionLimits) -> Array:
@@ -117,10 +115,10 @@ def _first_guess(places: Array, limits: MotionLimits) -> Array:
     return np.asarray(durations, dtype=np.float64)
 
 
-def _excess(spline: BSpline, times: Array, limits: MotionLimits) -> float:
+def _excess(spline: SnapSpline, times: Array, limits: MotionLimits) -> float:
     """The factor by which the times are too short for the limits; at most 1 when they hold."""
     looks = times[:-1, None] + np.diff(times)[:, None] * np.linspace(0.0, 1.0, _LOOKS)[None, :]
-    v, a, j = (spline(looks, nu) for nu in (1, 2, 3))
+    v, a, j = (spline(looks, order) for order in (1, 2, 3))
     speed = max(
         (np.hypot(v[..., 0], v[..., 1]) / limits.speed_m_s).max(),
         (v[..., 2] / limits.descent_m_s).max(),
