@@ -368,3 +368,71 @@ def test_state_without_a_time_is_refused(bad: float) -> None:
     state = controller.initial(P)
     _, _, record = controller.step(state, at(1.0), at(bad), Reference(1.0, HERE), DT, parameters=P)
     assert record.refused == ("predicted",)
+
+
+def test_level_begins_with_the_tilt_over_the_time_constant_of_its_axis() -> None:
+    """Twice the sine of half the angle: Brescianini's law."""
+    p = replace(P, attitude_time_constant_s=(0.2, 0.4, 0.7))
+    for attitude, rates in (
+        (frames.from_rpy(0.3, 0.0, 0.0), (-2.0 * sin(0.15) / 0.2, 0.0, 0.0)),
+        (frames.from_rpy(0.0, 0.3, 0.0), (0.0, -2.0 * sin(0.15) / 0.4, 0.0)),
+    ):
+        setpoint = controller.level(controller.initial(p), at(0.0, attitude=attitude), parameters=p)
+        assert setpoint.rates_frd_rad_s == pytest.approx(rates, abs=1e-12)
+
+
+@pytest.mark.parametrize("tilt_deg", [60.0, 80.0, 120.0, 180.0])
+def test_match_raises_the_thrust_to_the_double_at_most(tilt_deg: float) -> None:
+    p = replace(P, hover_thrust=0.3)
+    setpoint = controller.match(
+        controller.initial(p), at(1.0, attitude=frames.from_rpy(0.0, radians(tilt_deg), 0.0)), parameters=p
+    )
+    assert setpoint.thrust == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize(("pause_s", "forgotten"), [(0.45, False), (0.55, True)])
+def test_a_pause_of_half_a_second_is_forgotten_after(pause_s: float, forgotten: bool) -> None:
+    state, _ = flown(controller.initial(P), 30, position=(3.0, -2.0, -9.0))  # climbs: thrust is high
+    t = state.time_s + pause_s
+    slow = replace(P, thrust_slew_max_1_s=0.01)
+    _, setpoint, _ = controller.step(state, at(t), at(t), Reference(t, HERE), DT, parameters=slow)
+    assert state.setpoint is not None
+    assert (setpoint.thrust < state.setpoint.thrust - 0.01) is forgotten
+
+
+def test_a_state_that_is_predicted_for_a_moment_before_its_own_is_not_moved_back() -> None:
+    state, _ = flown(controller.initial(P), 400, velocity=(0.3, -0.2, 0.1))
+    t = state.time_s + DT
+    now = at(t, velocity=(0.3, -0.2, 0.1))
+    before = at(t - 0.3, velocity=(0.3, -0.2, 0.1))
+    _, _, record = controller.step(state, now, before, Reference(t, HERE), DT, parameters=P)
+    assert record.position_error_ned_m == pytest.approx(ZERO3, abs=1e-12)
+
+
+def test_the_heading_that_is_remembered_turns_with_a_reset() -> None:
+    p = replace(P, velocity_yaw=True)
+    t, turn = 1.0, 0.4
+    moving = Reference(t, HERE, (0.0, 2.0, 0.0))
+    state, _, _ = controller.step(controller.initial(p), at(t), at(t), moving, DT, parameters=p)
+    state = controller.shifted(state, Reset(t, frozenset({"heading"}), yaw_rad=turn))
+    _, _, record = controller.step(state, at(t + DT), at(t + DT), Reference(t + DT, HERE), DT, parameters=p)
+    assert frames.yaw_of(record.desired_wb) == pytest.approx(radians(90.0) + turn)
+
+
+FREE = replace(P, rate_slew_max_rad_s2=9999.0, thrust_slew_max_1_s=999.0, tilt_max_rad=radians(80.0))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_each_limit_is_named_when_it_cuts_and_only_then(sign: float) -> None:
+    def names(offset: Vec3, p: ControlParameters) -> tuple[str, ...]:
+        _, hovering = flown(controller.initial(p), 1, p)
+        state = replace(controller.initial(p), time_s=0.9, setpoint=hovering)
+        now = at(1.0, frames.add(HERE, frames.scale(offset, sign)))
+        return controller.step(state, now, now, Reference(1.0, HERE), DT, parameters=p)[2].limited
+
+    assert names((0.05, 0.02, 0.03), FREE) == ()
+    assert names((0.5, 0.3, 0.0), replace(FREE, rate_max_rad_s=0.1)) == ("rates",)
+    assert names((0.0, 0.0, 0.5), replace(FREE, thrust_min=0.49, thrust_max=0.51))[-1] == "thrust"
+    assert names((0.5, 0.3, 0.0), replace(FREE, rate_slew_max_rad_s2=1.0)) == ("slew",)
+    assert names((0.0, 0.0, 0.5), replace(FREE, thrust_slew_max_1_s=0.1)) == ("slew",)
+    assert names((3.0, 2.0, 0.0), replace(FREE, tilt_max_rad=radians(10.0))) == ("thrust_vector",)

@@ -2,7 +2,7 @@ from math import atan2, cos, pi, radians, sin
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -55,8 +55,10 @@ def test_heading_along_the_thrust_axis_takes_the_shortest_turn(now: Quat) -> Non
 
 
 def test_shortest_turn_from_upside_down_is_half_a_turn() -> None:
+    """Over the nose's axis: the nose stays."""
     q = flatness.shortest_turn(frames.from_rpy(pi, 0.0, 0.4), (0.0, 0.0, 1.0))
-    assert frames.down_axis(q) == pytest.approx((0.0, 0.0, 1.0), abs=1e-9)
+    assert matrix(q) == pytest.approx(matrix(frames.from_yaw(0.4)), abs=1e-9)
+    assert np.linalg.norm(q) == pytest.approx(1.0)
 
 
 @given(upward, st.tuples(*[st.floats(-20.0, 20.0)] * 3), yaws, st.floats(-2.0, 2.0))
@@ -81,6 +83,10 @@ def test_body_rates_in_free_fall_and_with_the_side_along_the_vertical_are_finite
 
 
 @given(rotations, vectors, st.tuples(*[st.floats(0.0, 1.0)] * 3))
+@example(frames.from_rpy(0.4, -0.7, 1.1), (3.0, -2.0, 5.0), (0.3, 0.3, 0.3))
+@example(frames.from_rpy(0.4, -0.7, 1.1), (3.0, -2.0, 5.0), (0.2, 0.3, 0.3))
+@example(frames.from_rpy(0.4, -0.7, 1.1), (3.0, -2.0, 5.0), (0.4, 0.3, 0.3))
+@example(frames.from_rpy(0.4, -0.7, 1.1), (3.0, -2.0, 5.0), (0.3, 0.3, 0.2))
 @settings(deadline=None, max_examples=50)
 def test_rotor_drag_is_against_the_velocity_along_the_body_axes(q: Quat, velocity: Vec3, drag: Vec3) -> None:
     expected = -matrix(q) @ np.diag(drag) @ matrix(q).T @ np.array(velocity)
@@ -94,3 +100,15 @@ def test_thrust_rate_is_the_derivative_of_the_length(thrust: Vec3, derivative: V
     ahead = frames.norm(frames.add(thrust, frames.scale(derivative, dt)))
     behind = frames.norm(frames.add(thrust, frames.scale(derivative, -dt)))
     assert flatness.thrust_rate(thrust, derivative) == pytest.approx((ahead - behind) / (2.0 * dt), abs=1e-5)
+
+
+def test_thrust_rate_in_free_fall_is_zero() -> None:
+    assert flatness.thrust_rate((0.0, 0.0, -1e-4), (1.0, 2.0, 3.0)) == 0.0
+    assert flatness.thrust_rate((0.0, 0.0, -0.5), (1.0, 2.0, -3.0)) == pytest.approx(3.0)
+
+
+def test_a_little_thrust_has_a_direction() -> None:
+    q = flatness.attitude_from_thrust((0.01, 0.0, -0.01), 0.0, IDENTITY)
+    assert frames.down_axis(q) == pytest.approx((-(0.5**0.5), 0.0, 0.5**0.5))
+    rates = flatness.body_rates(IDENTITY, (0.0, 0.0, -0.01), (0.0, 0.02, 0.0), 0.0, 0.0)
+    assert rates == pytest.approx((2.0, 0.0, 0.0))

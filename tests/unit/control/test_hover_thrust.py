@@ -48,3 +48,24 @@ def test_infinite_time_constant_learns_nothing() -> None:
 
 def test_a_fall_harder_than_gravity_teaches_nothing() -> None:
     assert one(0.4, -9.5) == (0.4, -9.5)
+
+
+def test_the_range_is_a_share_of_the_start_below_as_above() -> None:
+    """0.5 (1 - 0.5) = 0.25: a vehicle that keeps rising on it is left to the disturbance."""
+    hover, down = 0.4, -6.0
+    for _ in range(5000):
+        hover, down = one(hover, down)
+    assert hover == pytest.approx(0.25)
+    assert hover * (1.0 + down / G) == pytest.approx(0.4 * (1.0 - 6.0 / G))
+
+
+def test_a_step_longer_than_the_time_constant_learns_all_of_it_and_no_more() -> None:
+    hover, left = one(0.4, 0.2 * G, dt=10.0, tau=3.0)
+    assert (hover, left) == pytest.approx((0.48, 0.0))
+
+
+def test_a_share_of_what_is_left_is_learned_in_a_step() -> None:
+    """To first order dt / tau of the disturbance becomes hover thrust."""
+    hover, left = one(0.4, 0.01 * G, dt=0.3, tau=3.0)
+    assert hover == pytest.approx(0.4 * (1.0 + 0.1 * 0.01), rel=1e-4)
+    assert left == pytest.approx(0.009 * G, rel=1e-3)
