@@ -63,12 +63,17 @@ async def phase(daemon: Child, flight: FlightClient, side: Side, *, flood: bool)
     cpu_s, begin_s = cpu_of(pid), time.monotonic()
     flooding = None
     if flood:
-        command = [str(SUPPORT / "flooder.py"), str(daemon.socket), str(RATE_HZ), str(PHASE_S)]
+        command = [str(SUPPORT / "request_flood.py"), str(daemon.socket), str(RATE_HZ), str(PHASE_S)]
         flooding = await asyncio.create_subprocess_exec(sys.executable, *command, stdout=asyncio.subprocess.PIPE)
-    while (asked_s := time.monotonic()) < begin_s + PHASE_S:
-        assert (await flight.status())["state"] == "tracking"
-        side.waits_s.append(time.monotonic() - asked_s)
-        await asyncio.sleep(ASK_S)
+    try:
+        while (asked_s := time.monotonic()) < begin_s + PHASE_S:
+            assert (await flight.status())["state"] == "tracking", daemon.log_file.read_text()
+            side.waits_s.append(time.monotonic() - asked_s)
+            await asyncio.sleep(ASK_S)
+    except BaseException:
+        if flooding is not None:
+            flooding.kill()
+        raise
     side.spans.append((begin_s, time.monotonic()))
     side.cpu_s += cpu_of(pid) - cpu_s
     side.memory_kb = memory_kb_of(pid)
