@@ -1,12 +1,15 @@
 """Each condition on its own: its bound, its time, its hysteresis, and what the autopilot's words mean."""
 
 from dataclasses import replace
-from math import cos, inf, nan, sin
+from math import cos, inf, nan, radians, sin
+from pathlib import Path
 
 import pytest
+import yaml
 
 from daemon.messages import AutopilotStatus, EstimatedState, FlightMode, LandedState, SystemStatus
 from daemon.safety.conditions import Bounds, Conditions, Facts, Lasting, Memory, evaluate, in_flight, lasting
+from daemon.safety.dead_man import DeadManTiming
 from daemon.safety.geofence import Geofence
 
 TICK_S = 0.01
@@ -233,3 +236,18 @@ def test_requests_are_taken_as_they_are_named_and_the_boot_count_is_remembered()
     assert conditions.engage_asked and conditions.release_over and not conditions.release_asked
     assert memory.boot_count == FLYING.boot_count
     assert Facts(FLYING).age_s == inf
+
+
+def test_the_bounds_and_times_are_those_of_the_default_configuration() -> None:
+    """Angles are degrees there, rounded."""
+    written = yaml.safe_load((Path(__file__).parents[3] / "config" / "default.yaml").read_text())
+    safety, bounds, timing = written["safety"], Bounds(), DeadManTiming()
+    assert (bounds.coast_s, bounds.lost_s) == (safety["coast_s"], safety["lost_s"])
+    assert bounds.position_variance_m2 == written["estimator"]["position_variance_max_m2"]
+    assert bounds.attitude_disagreement_rad == pytest.approx(radians(safety["attitude_disagreement_deg"]), rel=0.01)
+    assert bounds.tilt_rad == pytest.approx(radians(safety["tilt_max_deg"]), rel=0.01)
+    assert (bounds.speed_m_s, bounds.battery_fraction) == (safety["speed_max_m_s"], safety["battery_min_pct"])
+    assert bounds.fence.hard_margin_m == safety["fence"]["hard_margin_m"]
+    assert timing.level_after_s == safety["dead_man_level_s"]
+    assert timing.latch_after_s == safety["dead_man_latch_s"]
+    assert timing.clock_gap_s == safety["clock_gap_s"]
