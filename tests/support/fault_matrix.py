@@ -156,7 +156,7 @@ class _Witness:
             ended=flight.ended,
             reach_m=self.reach_m,
             ends=ends,
-            starves=_largest_gap_s([*self.fed_s, end_s]) > WATCHDOG_S,
+            starves=largest_gap_s([*self.fed_s, end_s]) > WATCHDOG_S,
             faults=[*broken_limits(flight.sent), *_broken_rules(flight, self.commanded_rad), *self.waits],
         )
 
@@ -212,7 +212,8 @@ async def _fly(case: Case, flight: Flight, witness: _Witness, stack: ExitStack) 
         await flight.result(goal_id)
 
 
-def _largest_gap_s(times_s: list[float]) -> float:
+def largest_gap_s(times_s: list[float]) -> float:
+    """The longest time between two of them."""
     return max((b - a for a, b in pairwise(times_s)), default=0.0)
 
 

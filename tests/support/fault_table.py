@@ -3,15 +3,19 @@
 ``PYTHONPATH=tests python -m support.fault_table docs/safety.md``
 """
 
+import asyncio
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from daemon import logs
 from daemon.safety.supervisor import to_mermaid
 from support.fault_cases import CASES
+from support.fault_cases_live import CASES as LIVE_CASES
+from support.fault_live import LiveCase, LiveSeen, live_differences, strike_live
 from support.fault_matrix import Case, Seen, differences, strike
 
-MATRIX, SUPERVISOR = "fault matrix", "supervisor"
+MATRIX, LIVE_MATRIX, SUPERVISOR = "fault matrix", "fault matrix, live", "supervisor"
 HEAD = (
     "| fault | expected | silent after, s | Hold after, s | largest tilt, deg | goal | ends in |",
     "|---|---|---|---|---|---|---|",
@@ -19,11 +23,24 @@ HEAD = (
 
 
 def row(case: Case, seen: Seen) -> str:
-    """One line of the table."""
+    """One line of the table of virtual time."""
     outcome = ", ".join(filter(None, (seen.ended[0].outcome, seen.ended[0].reason))) if seen.ended else "-"
-    figures = (_seconds(seen.silent_s), _seconds(seen.hold_s), f"{seen.tilt_deg:.0f}")
-    ends = f"`{seen.state.value}`, {seen.mode.value}"
-    return "| " + " | ".join((case.name, case.sentence, *figures, outcome, ends)) + " |"
+    ends = f"`{seen.state.value}`, {seen.mode.value}{', exit code 1' if seen.ends else ''}"
+    return _line(case.name, case.sentence, seen.silent_s, seen.hold_s, seen.tilt_deg, outcome, ends)
+
+
+def live_row(case: LiveCase, seen: LiveSeen) -> str:
+    """One line of the table of real time."""
+    how = f"exit code {seen.exits}" if seen.exits is not None else f"`{seen.state}`"
+    ends = f"{how}, {seen.mode.value}{'; the watchdog starved' if seen.starves else ''}"
+    return _line(case.name, case.words, seen.silent_s, seen.hold_s, seen.tilt_deg, seen.outcome, ends)
+
+
+def _line(
+    name: str, expected: str, silent_s: float | None, hold_s: float | None, tilt_deg: float, outcome: str, ends: str
+) -> str:
+    figures = (_seconds(silent_s), _seconds(hold_s), f"{tilt_deg:.0f}")
+    return "| " + " | ".join((name, expected, *figures, outcome, ends)) + " |"
 
 
 def between(text: str, name: str) -> tuple[str, str, str]:
@@ -49,19 +66,29 @@ def _seconds(value: float | None) -> str:
 
 
 def main(document: Path) -> int:
-    """Fly all, print and write the table; 1 when a response was not the expected one."""
+    """Fly all, print and write the tables; 1 when a response was not the expected one."""
     logs.configure("error")
-    lines, wrong = list(HEAD), 0
+    lines, live_lines, wrong = list(HEAD), list(HEAD), 0
     for case in CASES:
         seen = strike(case)
         lines.append(row(case, seen))
-        print(lines[-1], flush=True)
-        for difference in differences(case, seen):
-            wrong += 1
-            print(f"  {case.name}: {difference}", file=sys.stderr)
+        wrong += _told(case.name, lines[-1], differences(case, seen))
+    for live in LIVE_CASES:
+        with TemporaryDirectory() as folder:
+            live_seen = asyncio.run(strike_live(live, Path(folder)))
+        live_lines.append(live_row(live, live_seen))
+        wrong += _told(live.name, live_lines[-1], live_differences(live, live_seen))
     text = replaced(document.read_text(), MATRIX, "\n".join(lines) + "\n")
+    text = replaced(text, LIVE_MATRIX, "\n".join(live_lines) + "\n")
     document.write_text(replaced(text, SUPERVISOR, diagram()))
     return int(wrong > 0)
+
+
+def _told(name: str, line: str, wrong: list[str]) -> int:
+    print(line, flush=True)
+    for difference in wrong:
+        print(f"  {name}: {difference}", file=sys.stderr)
+    return len(wrong)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from daemon.goals.client_errors import FlightError
 
 START_S = 90.0
 STOP_S = 30.0
-BLOCKING = Path(__file__).parent / "blocking_daemon.py"
+TROUBLED = Path(__file__).parent / "troubled_daemon.py"
 FLIGHTD = (sys.executable, "-m", "daemon.cli.main")
 
 
@@ -90,13 +90,23 @@ async def daemon_on(tmp_path: Path, connection: str, *args: str) -> AsyncIterato
 
 
 @asynccontextmanager
-async def blocking_daemon(tmp_path: Path, connection: str, block_s: float) -> AsyncIterator[Child]:
-    """A daemon that stands still for ``block_s`` at SIGUSR1 (its loop) or SIGUSR2 (its interpreter)."""
+async def troubled_daemon(
+    tmp_path: Path,
+    connection: str,
+    trouble: str = "",
+    *,
+    block_s: float = 0.0,
+    config: Path | None = None,
+    environ: dict[str, str] | None = None,
+    stderr: int | None = None,
+) -> AsyncIterator[Child]:
+    """A daemon that gets into a trouble of ``troubled_daemon.py`` at SIGUSR1; it logs to a file, or to ``stderr``."""
     path, log_file = tmp_path / "flightd.sock", tmp_path / "flightd.log"
-    with log_file.open("wb") as log:
+    with log_file.open("ab") as log:
         process = await asyncio.create_subprocess_exec(
-            sys.executable, str(BLOCKING), connection, str(path), stdin=asyncio.subprocess.DEVNULL, stdout=log,
-            stderr=log, env={**os.environ, "BLOCK_S": str(block_s)},
+            sys.executable, str(TROUBLED), connection, str(path), *([] if config is None else [str(config)]),
+            stdin=asyncio.subprocess.DEVNULL, stdout=log, stderr=log if stderr is None else stderr,
+            env={**os.environ, "TROUBLE": trouble, "BLOCK_S": str(block_s), **(environ or {})},
         )  # fmt: skip
     child = Child(process, log_file, path)
     async with running(child):
