@@ -1,4 +1,4 @@
-from math import hypot, inf, nan, radians
+from math import cos, hypot, inf, nan, radians, sin
 
 import pytest
 from hypothesis import example, given, settings
@@ -107,3 +107,57 @@ def test_rates_and_thrust_are_cut_at_their_limits_with_the_direction_of_the_tilt
         fallback_thrust=0.4,
     )
     assert out.rates_frd_rad_s == pytest.approx((1.5, -2.0, 1.0)) and out.thrust == 0.9
+
+
+tilts = st.tuples(st.floats(0.05, 1.2), st.floats(-3.1, 3.1), st.floats(-3.1, 3.1))
+
+
+@given(tilts, st.tuples(*[st.floats(-9.0, 9.0)] * 3), st.tuples(*[st.floats(-4.0, 4.0)] * 3))
+@example((0.4, 0.5, 1.0), (8.0, -6.0, 1.0), (1.5, 2.0, 0.0))
+@example((0.4, 2.5, 1.0), (8.0, -6.0, 1.0), (1.5, 2.0, 0.0))
+@example((0.4, -0.7, 1.0), (8.0, -6.0, 1.0), (1.5, 2.0, 0.0))
+@settings(deadline=None, max_examples=60)
+def test_guard_cuts_the_outward_part_alone_to_the_room_that_the_turn_of_now_leaves(
+    tilt: Vec3, rates: Vec3, now: Vec3
+) -> None:
+    """Outward is what the tilt grows with, by differences."""
+    angle, toward, heading = tilt
+    q = frames.multiply(frames.from_yaw(heading), frames.exp((angle * cos(toward), angle * sin(toward), 0.0)))
+
+    def outward(v: Vec3) -> float:
+        grown = [frames.tilt_of(frames.integrate(q, (v[0], v[1], 0.0), dt)) for dt in (-1e-6, 1e-6)]
+        return (grown[1] - grown[0]) / 2e-6
+
+    room = TILT - angle - max(outward(now), 0.0) * 0.05
+    out = guarded(rates, q, now)
+    assert outward(out) == pytest.approx(min(outward(rates), room / 0.05), abs=1e-6)
+    square = (-outward((0.0, 1.0, 0.0)), outward((1.0, 0.0, 0.0)), 0.0)
+    assert frames.dot(out, square) == pytest.approx(frames.dot(rates, square), abs=1e-6)
+
+
+def test_guard_with_no_lag_to_speak_of_turns_back_within_a_fiftieth_of_a_second() -> None:
+    q = frames.from_rpy(TILT + 0.1, 0.0, 0.0)
+    out = limits.tilt_guard((3.0, 0.0, 0.0), q, (0.0, 0.0, 0.0), tilt_max_rad=TILT, rate_lag_s=0.0)
+    assert out == pytest.approx((-0.1 / 0.02, 0.0, 0.0))
+
+
+def test_guard_leaves_a_level_vehicle_alone() -> None:
+    assert guarded((20.0, -20.0, 1.0), (1.0, 0.0, 0.0, 0.0)) == (20.0, -20.0, 1.0)
+
+
+def test_thrust_that_the_least_upward_part_uses_up_has_nothing_sideways() -> None:
+    out = limits.thrust_vector((5.0, 0.0, -9.0), tilt_max_rad=TILT, full_m_s2=2.0, vertical_min_m_s2=3.0)
+    assert out == ((0.0, 0.0, -3.0), True)
+
+
+def test_the_vertical_part_alone_can_be_what_is_cut() -> None:
+    assert cut((0.5, 0.0, -30.0)) == ((0.5, 0.0, -0.9 * FULL), True)
+    assert cut((0.5, 0.0, 2.0)) == ((0.5, 0.0, -LEAST), True)
+
+
+def test_slew_of_both_signs_and_within_its_step() -> None:
+    last = Setpoint((0.5, -0.5, 0.25), 0.5)
+    back = limits.toward(last, Setpoint((-2.5, -4.5, 3.0), 0.1), rate_step_rad_s=0.5, thrust_step=0.1)
+    assert back.rates_frd_rad_s == pytest.approx((0.2, -0.9, 0.75)) and back.thrust == pytest.approx(0.4)
+    near = Setpoint((0.6, -0.4, 0.2), 0.55)
+    assert limits.toward(last, near, rate_step_rad_s=0.5, thrust_step=0.1).rates_frd_rad_s == near.rates_frd_rad_s

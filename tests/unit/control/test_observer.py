@@ -60,3 +60,16 @@ def test_gap_between_samples_keeps_what_was_learned_and_takes_the_velocity_anew(
         maximum=6.0,
     )
     assert later.unexplained == state.unexplained and later.quantity == (50.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("gap_s", "anew"), [(0.09, False), (0.11, True)])
+def test_a_tenth_of_a_second_is_a_gap(gap_s: float, anew: bool) -> None:
+    state = follow([(2.0, 0.0, 0.0)] * 50, (0.0, 0.0, 0.0), 5.0)[-1]
+    later = update(state, state.time_s + gap_s, (50.0, 0.0, 0.0), (0.0, 0.0, 0.0), bandwidth_rad_s=5.0, maximum=1e3)
+    assert (later.quantity[0] == 50.0) is anew
+
+
+def test_an_observer_that_is_switched_off_forgets() -> None:
+    state = follow([(2.0, 0.0, 0.0)] * 50, (0.0, 0.0, 0.0), 5.0)[-1]
+    off = update(state, state.time_s + 0.01, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), bandwidth_rad_s=0.0, maximum=6.0)
+    assert off.unexplained == (0.0, 0.0, 0.0)
