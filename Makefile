@@ -19,7 +19,7 @@ check: $(STAMP)
 	$(BIN)/lint-imports
 
 bench: $(STAMP)
-	$(BIN)/flightd bench loop --against docs/measurements-loop.json
+	$(BIN)/flightd bench loop --rounds 3 --against docs/measurements-loop.json
 
 # The long forms of what CI runs short: hostile lines, crowds of clients, thousands of goals, a flood while flying (a
 # minute, quiet and flooded side by side), a thousand preemptions.
