@@ -1,4 +1,4 @@
-from math import inf
+from math import hypot, inf
 
 import pytest
 
@@ -34,3 +34,19 @@ def test_far_reference_is_approached_with_no_more_acceleration_than_the_speed_ta
 
 def test_near_reference_is_not_touched_by_the_saturation() -> None:
     assert feedback((0.5, 0.5, 0.5), ZERO3, approach=3.0) == pytest.approx((-4.0, -4.0, -4.5))
+
+
+@pytest.mark.parametrize("least", [(3.0, 4.0, 5.0), (4.0, 3.0, 1.0)])
+def test_each_axis_has_its_own_gains_and_the_approach_is_held_by_the_lesser_horizontal_one(least: Vec3) -> None:
+    """Worked by hand: 6 north and 8 east of error saturate at 2 m/s times 3 1/s, along (0.6 * 5, 0.8 * 10)."""
+    kp = (5.0, 10.0, 7.0)
+
+    def asked(position: Vec3, velocity: Vec3, approach: float) -> Vec3:
+        return position_law.feedback(position, velocity, kp, least, approach_max_m_s=approach, feedback_max_m_s2=inf)
+
+    near = tuple(-k * e - g * v for k, e, g, v in zip(kp, (0.1, 0.2, 0.3), least, (0.3, -0.2, 0.1), strict=True))
+    assert asked((0.1, 0.2, 0.3), (0.3, -0.2, 0.1), 5.0) == pytest.approx(near)
+    length = hypot(30.0, 80.0)
+    far = asked((6.0, 8.0, 0.0), ZERO3, 2.0)
+    assert far == pytest.approx((-6.0 * 30.0 / length, -6.0 * 80.0 / length, 0.0))
+    assert asked((0.0, 0.0, 50.0), ZERO3, 2.0)[2] == pytest.approx(-2.0 * least[2])

@@ -32,3 +32,8 @@ def test_acceleration_and_command_are_inverse(acceleration: float, hover: float,
 
 def test_downward_acceleration_asks_for_no_thrust() -> None:
     assert thrust_map.command_from_acceleration(-3.0, 0.5, 0.3, 9.8) == 0.0
+
+
+def test_a_line_by_hand_is_a_gain_and_an_offset() -> None:
+    assert thrust_map.linear_command(12.0, 0.05, 0.1) == pytest.approx(0.7)
+    assert thrust_map.linear_command(-4.0, 0.05, 0.1) == pytest.approx(-0.1)
