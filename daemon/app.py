@@ -112,7 +112,7 @@ async def _main(config: Config, socket: Path | None, watch: Callable[[Vehicle], 
 
 
 async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Listener, stop: "_Stop") -> int:
-    hub = Hub(slack=Slack(lambda: vehicle.control.grid.due_s))
+    hub = Hub(slack=Slack(lambda: vehicle.control.grid.due_s, vehicle.control.grid.period_s))
     recorder = _recorder(config)
     journal = Journal(hub, recorder)
     reports = Reports(vehicle)

@@ -9,7 +9,7 @@ async with FlightClient() as flight:
 
 import asyncio
 import os
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,7 @@ from typing import Any, Self, cast
 
 from daemon.goals.client_errors import ConnectionLostError, FlightError, NoDaemonError, RequestError, UnknownGoalError
 from daemon.goals.connection import Connection
-from daemon.goals.goal import Feedback, Goal, Result, result_from
+from daemon.goals.goal import Goal, Result, feedback_from, result_from
 from daemon.goals.results import GoalRecord, Setting, SettingValue, Status, SystemInfo, VehicleDone
 from daemon.goals.sockets import client_path
 
@@ -113,7 +113,8 @@ class FlightClient:
         listener = _Listener(frozenset(topics), rate_hz, asyncio.Queue(TELEMETRY_QUEUE))
         self._listeners.append(listener)  # first: what comes with the reply counts too
         try:
-            await self._read("telemetry.subscribe", topics=sorted(topics), rate_hz=rate_hz)
+            for params in self._subscriptions(listener.topics):
+                await self._read("telemetry.subscribe", **params)
             while True:
                 item = await listener.queue.get()
                 if isinstance(item, NoDaemonError):
@@ -122,9 +123,19 @@ class FlightClient:
         finally:
             self._listeners.remove(listener)
             unused = listener.topics.difference(*(other.topics for other in self._listeners))
+            unused -= {"goal"} if self._goals else set()  # after a reconnection they end by it
             with suppress(FlightError):
                 if unused:
                     await self._connection.call("telemetry.unsubscribe", {"topics": sorted(unused)})
+
+    def _subscriptions(self, topics: Iterable[str]) -> Iterator[dict[str, Any]]:
+        """What to subscribe to: each topic at the highest rate that one of its listeners wants."""
+        rates: dict[float, list[str]] = {}
+        for topic in sorted(topics):
+            rate_hz = max(listener.rate_hz for listener in self._listeners if topic in listener.topics)
+            rates.setdefault(rate_hz, []).append(topic)
+        for rate_hz, those in rates.items():
+            yield {"topics": those, "rate_hz": rate_hz}
 
     # -- the vehicle
 
@@ -258,7 +269,7 @@ class FlightClient:
             if self._submitting:
                 self._early.append((method, params))
         elif method == "goal.feedback":
-            goal.take_feedback(Feedback(**params))
+            goal.take_feedback(feedback_from(params))
         else:
             self._end(goal, result_from(params))
 
@@ -269,10 +280,10 @@ class FlightClient:
     async def _restore(self) -> None:
         """After the daemon came back: get the telemetry again, and find out what became of the goals."""
         with suppress(FlightError):
-            for listener in list(self._listeners):
-                params = {"topics": sorted(listener.topics), "rate_hz": listener.rate_hz}
+            wanted = frozenset[str]().union(*(listener.topics for listener in self._listeners))
+            for params in self._subscriptions(wanted):
                 await self._connection.call("telemetry.subscribe", params)
-            if self._goals:
+            if self._goals and "goal" not in wanted:
                 await self._connection.call("telemetry.subscribe", {"topics": ["goal"], "rate_hz": 10.0})
             for goal in list(self._goals.values()):
                 await self._look_up(goal)

@@ -2,13 +2,14 @@
 
 import asyncio
 import json
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterator
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
 from typing import Any
 
-from daemon.goals.client_errors import ConnectionLostError, NoDaemonError, error_from
+from daemon.goals.client_errors import ConnectionLostError, InvalidRequestError, NoDaemonError, error_from
+from daemon.goals.errors import MAX_LINE_BYTES, ErrorCode
 
 MAX_REPLY_BYTES = 4 * 1024 * 1024
 FIRST_RETRY_S = 0.05
@@ -20,7 +21,10 @@ OnGone = Callable[[NoDaemonError], None]
 
 
 class Connection:
-    """JSON-RPC over the daemon's socket; with ``reconnect_s`` > 0 it comes back by itself, within that time."""
+    """JSON-RPC over the daemon's socket; with ``reconnect_s`` > 0 it comes back by itself, within that time.
+
+    The time counts from when the daemon was last heard: one that only refuses connections is not there.
+    """
 
     def __init__(
         self, path: Path, reconnect_s: float, on_notification: OnNotification, on_return: OnReturn, on_gone: OnGone
@@ -35,6 +39,8 @@ class Connection:
         self._writer: asyncio.StreamWriter | None = None
         self._up = asyncio.Event()
         self._gone: NoDaemonError | None = None
+        self._complaint: str | None = None
+        self._heard = False
         self._task: asyncio.Task[None] | None = None
 
     async def open(self) -> None:
@@ -67,16 +73,22 @@ class Connection:
             self._pending.pop(request_id, None)
 
     async def notify(self, method: str, params: dict[str, Any]) -> None:
-        """Send a notification."""
+        """Send a notification; waits while the daemon does not take what was sent before."""
         await self._up.wait()
         if self._gone is not None:
             raise self._gone
-        self._write({"jsonrpc": "2.0", "method": method, "params": params})
+        writer = self._write({"jsonrpc": "2.0", "method": method, "params": params})
+        try:
+            await writer.drain()
+        except ConnectionError:
+            raise ConnectionLostError("the daemon went away") from None
 
-    def _write(self, message: dict[str, Any]) -> None:
+    def _write(self, message: dict[str, Any]) -> asyncio.StreamWriter:
+        line = _line(message)
         if self._writer is None or self._writer.is_closing():
             raise ConnectionLostError("the daemon went away")
-        self._writer.write(json.dumps(message, separators=(",", ":")).encode("ascii") + b"\n")
+        self._writer.write(line)
+        return self._writer
 
     async def _connect(self) -> asyncio.StreamReader:
         try:
@@ -92,32 +104,43 @@ class Connection:
 
     async def _run(self, reader: asyncio.StreamReader) -> None:
         returning: asyncio.Task[None] | None = None
+        error = NoDaemonError("the connection was closed")
+        pauses = self._pauses()
         try:
             while True:
                 await self._read(reader)
                 self._drop("the daemon went away before it answered; the request may still take effect")
                 if returning is not None:
                     returning.cancel()
-                reader = await self._come_back()
+                pauses = self._pauses() if self._heard else pauses
+                reader = await self._come_back(pauses)
                 returning = asyncio.create_task(self._on_return())
-        except NoDaemonError as error:
-            self._gone = error
-            self._up.set()
-            self._on_gone(error)
+        except NoDaemonError as gone:
+            error = gone
         finally:
             if returning is not None:
                 returning.cancel()
+            self._gone = error
+            self._drop(str(error))
+            self._up.set()
+            self._on_gone(error)
 
-    async def _come_back(self) -> asyncio.StreamReader:
+    def _pauses(self) -> Iterator[float]:
+        """Pauses before each try to come back, as long as there is time left."""
         loop = asyncio.get_running_loop()
         deadline_s = loop.time() + self._reconnect_s
         pause_s = FIRST_RETRY_S
         while loop.time() + pause_s < deadline_s:
+            yield pause_s
+            pause_s = min(2.0 * pause_s, LAST_RETRY_S)
+
+    async def _come_back(self, pauses: Iterator[float]) -> asyncio.StreamReader:
+        self._heard = False
+        for pause_s in pauses:
             await asyncio.sleep(pause_s)
             with suppress(NoDaemonError):
                 return await self._connect()
-            pause_s = min(2.0 * pause_s, LAST_RETRY_S)
-        raise NoDaemonError(f"the daemon at {self._path} went away and did not come back")
+        raise NoDaemonError(self._complaint or f"the daemon at {self._path} went away and did not come back")
 
     async def _read(self, reader: asyncio.StreamReader) -> None:
         with suppress(OSError, ValueError, asyncio.IncompleteReadError):
@@ -125,10 +148,15 @@ class Connection:
                 self._take(json.loads(line))
 
     def _take(self, message: dict[str, Any]) -> None:
+        request_id = message.get("id")
+        if request_id is None and "error" in message:  # of the connection, not of a request
+            self._complaint = message["error"]["message"]
+            return
+        self._heard, self._complaint = True, None
         if "method" in message:
             self._on_notification(message["method"], message["params"])
             return
-        future = self._pending.get(message["id"]) if message.get("id") is not None else None
+        future = self._pending.get(request_id) if request_id is not None else None
         if future is None or future.done():
             return
         if "error" in message:
@@ -143,4 +171,17 @@ class Connection:
             self._writer = None
         for future in self._pending.values():
             if not future.done():
-                future.set_exception(ConnectionLostError(reason))
+                future.set_exception(ConnectionLostError(self._complaint or reason))
+
+
+def _line(message: dict[str, Any]) -> bytes:
+    """Raises `InvalidRequestError` when the daemon could not even say which request it refuses."""
+    try:
+        line = json.dumps(message, separators=(",", ":"), allow_nan=False).encode("ascii") + b"\n"
+    except ValueError:
+        reason = "a number is not finite"
+        raise InvalidRequestError(ErrorCode.INVALID_PARAMS, reason, "params", reason) from None
+    if len(line) > MAX_LINE_BYTES:
+        reason = f"is longer than {MAX_LINE_BYTES} bytes"
+        raise InvalidRequestError(ErrorCode.INVALID_REQUEST, f"the request {reason}", None, f"the request {reason}")
+    return line

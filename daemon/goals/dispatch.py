@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -9,7 +10,15 @@ import structlog
 
 from daemon.goals.errors import ErrorCode, ProtocolError
 from daemon.goals.hub import TOPICS, Hub, event_payload
-from daemon.goals.methods import METHODS, PROTOCOL_VERSION, GoalSubmit, Subscribe, Unsubscribe
+from daemon.goals.methods import (
+    METHODS,
+    PROTOCOL_VERSION,
+    GoalCancel,
+    GoalSubmit,
+    GoalUpdate,
+    Subscribe,
+    Unsubscribe,
+)
 from daemon.goals.protocol import (
     Call,
     Refusal,
@@ -23,9 +32,12 @@ from daemon.goals.protocol import (
 from daemon.goals.results import Subscription, SystemInfo
 from daemon.goals.service import Caller, FlightService
 from daemon.goals.session import Session
+from daemon.goals.turns import Turnstile
 
 log = structlog.get_logger(__name__)
 
+LONG_S = 0.005
+REST = 3.0
 INTERNAL = "something went wrong inside the daemon; its log says what"
 
 
@@ -37,6 +49,7 @@ class Dispatcher:
         self._hub = hub
         self._turn = turn
         self._tasks: set[asyncio.Task[None]] = set()
+        self._turnstile = Turnstile()
 
     def handle(self, session: Session, line: bytes) -> None:
         """Start what a line asks for; the reply follows when it is done."""
@@ -132,6 +145,7 @@ class Dispatcher:
         return encode_error(call.id, error), None
 
     async def _result(self, session: Session, call: Call, goal_id: str | None) -> Mapping[str, Any]:
+        caller = session.caller
         if call.method.name == "system.info":
             return self._info()
         if isinstance(call.params, Subscribe):
@@ -142,10 +156,24 @@ class Dispatcher:
             topics = self._hub.unsubscribe(session, list(call.params.topics or TOPICS))
             return Subscription(topics=topics, rate_hz=session.rate_hz)
         if isinstance(call.params, GoalSubmit) and goal_id is not None:
-            return await self._service.goal_submit(call.params, session.caller, goal_id)
-        do = getattr(self._service, call.method.name.replace(".", "_"))
-        result: Mapping[str, Any] = await do(call.params, session.caller)
-        return result
+            return await self._in_order(caller, partial(self._service.goal_submit, call.params, caller, goal_id))
+        do: Callable[..., Awaitable[Mapping[str, Any]]] = getattr(self._service, call.method.name.replace(".", "_"))
+        if isinstance(call.params, GoalUpdate | GoalCancel):
+            return await self._in_order(caller, partial(do, call.params, caller))
+        return await do(call.params, caller)
+
+    async def _in_order(self, caller: Caller, work: Callable[[], Awaitable[Mapping[str, Any]]]) -> Mapping[str, Any]:
+        """One goal at a time: the last to come is the last to be flown, and few are checked in threads at once."""
+        loop = asyncio.get_running_loop()
+        await self._turnstile.enter(caller.uid, caller.pid)
+        begun_s = loop.time()
+        try:
+            return await work()
+        finally:
+            if (took_s := loop.time() - begun_s) > LONG_S:  # in a thread, which takes its time from the loop's
+                loop.call_later(REST * took_s, self._turnstile.leave)
+            else:
+                self._turnstile.leave()
 
     def _info(self) -> SystemInfo:
         identity = self._service.identity()

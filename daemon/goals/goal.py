@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import AsyncIterator, Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from daemon.goals.results import Outcome
@@ -41,8 +41,17 @@ class Result:
 
 
 def result_from(record: dict[str, Any]) -> Result:
-    """Result of a goal's record that is done."""
-    return Result(**{key: value for key, value in record.items() if key != "state"})
+    """Result of a goal's record that is done; what only a newer daemon tells is left out."""
+    return Result(**{key: value for key, value in record.items() if key in _RESULT_KEYS})
+
+
+def feedback_from(params: dict[str, Any]) -> Feedback:
+    """Feedback of its notification; what only a newer daemon tells is left out."""
+    return Feedback(**{key: value for key, value in params.items() if key in _FEEDBACK_KEYS})
+
+
+_RESULT_KEYS = {field.name for field in fields(Result)}
+_FEEDBACK_KEYS = {field.name for field in fields(Feedback)}
 
 
 class Goal:

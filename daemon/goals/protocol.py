@@ -17,6 +17,8 @@ from daemon.goals.methods import METHODS, Method
 from daemon.goals.schema import Params
 
 MAX_BATCH = 100
+MAX_VALUES = 1000
+EXPLAINED = 20
 MAX_ID_CHARS = 256
 SHOWN_CHARS = 64
 
@@ -119,11 +121,25 @@ def _params_of(method: Method, params: Any) -> Params:
         params = {}
     if not isinstance(params, dict):
         raise ProtocolError(ErrorCode.INVALID_PARAMS, f"must be an object, not {_kind(params)}", "params")
+    if _values(params) > MAX_VALUES:  # each could be a mistake, and each mistake costs time
+        raise ProtocolError(ErrorCode.INVALID_PARAMS, f"has more than {MAX_VALUES} values", "params")
     try:
         return method.params.model_validate(params)
     except ValidationError as error:
-        found = [_explain(dict(item), params) for item in error.errors(include_url=False)]
+        found = [_explain(dict(item), params) for item in error.errors(include_url=False)[:EXPLAINED]]
     raise min(found, key=lambda e: e.code)
+
+
+def _values(params: dict[str, Any]) -> int:
+    """How many values there are, those inside of others too; counts no further than the limit."""
+    count = 0
+    left: list[Any] = [params]
+    while left and count <= MAX_VALUES:
+        value = left.pop()
+        inner = value.values() if isinstance(value, dict) else value
+        count += len(inner)
+        left += [item for item in inner if isinstance(item, dict | list)] if count <= MAX_VALUES else []
+    return count
 
 
 _SENTENCES = {

@@ -23,6 +23,7 @@ WaypointMode = Literal[
 ]
 
 MAX_TILT_DEG = 1.0
+MAX_WAYPOINTS = 50
 UNIT_TOLERANCE = 1e-3
 
 
@@ -94,6 +95,14 @@ class Path(Params):
 
     waypoints: Annotated[list[Waypoint], Field(min_length=1)]
     through: Literal["stop", "fly_by"] = "stop"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _few(cls, given: object) -> object:
+        waypoints = given.get("waypoints") if isinstance(given, dict) else None
+        if isinstance(waypoints, list) and len(waypoints) > MAX_WAYPOINTS:
+            raise refuse("waypoints", f"{len(waypoints)} waypoints are not within 1 to {MAX_WAYPOINTS}")
+        return given
 
 
 class HeadingPoint(Params):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 PAUSE_S = 0.001
 SHARE = 0.25
 LEAST_GUARD_S = 0.001
-MOST_GUARD_S = 0.002
+MOST_GUARD = 0.5
 MOST_COST_S = 0.005
 MOST_WAIT_S = 0.02
 FORGET = 0.98
@@ -20,12 +20,14 @@ class Slack:
     """Calls workers in turn; each does a small piece of work, and says whether it did any.
 
     A piece begins only when the dearest of late would be over before the next tick of the control task
-    (``next_tick_s``, time of the loop's clock), but waits ``MOST_WAIT_S`` at most; pieces, and the tasks that they
-    start, get a share ``SHARE`` of the loop's time, and ``PAUSE_S`` lies between two. One event loop uses it.
+    (``next_tick_s``, time of the loop's clock), as far as half of its ``period_s`` allows, but waits ``MOST_WAIT_S`` at
+    most; pieces, and the tasks that they start, get a share ``SHARE`` of the loop's time, and ``PAUSE_S`` lies between
+    two. One event loop uses it.
     """
 
-    def __init__(self, next_tick_s: Callable[[], float] | None = None) -> None:
+    def __init__(self, next_tick_s: Callable[[], float] | None = None, period_s: float = 0.01) -> None:
         self._next_tick_s = next_tick_s
+        self._most_guard_s = MOST_GUARD * period_s
         self._wanted: deque[Worker] = deque()
         self._scheduled = False
         self._free_s = 0.0
@@ -48,7 +50,7 @@ class Slack:
         if self._next_tick_s is None:
             return start_s
         due_s = self._next_tick_s()
-        guard_s = min(MOST_GUARD_S, max(LEAST_GUARD_S, self._dearest_s))
+        guard_s = min(self._most_guard_s, max(LEAST_GUARD_S, self._dearest_s))
         if start_s > due_s - guard_s:
             start_s = due_s if due_s > now_s else now_s + PAUSE_S  # a tick that is late comes first
         return max(now_s, min(start_s, since_s + MOST_WAIT_S))

@@ -1,5 +1,6 @@
 """Whose turn it is: users in turn, of each user its processes, of each process what it asked for."""
 
+import asyncio
 from collections import deque
 from typing import Generic, TypeVar
 
@@ -31,3 +32,28 @@ class Turns(Generic[T]):
         if processes:
             self._users[uid] = processes
         return item
+
+
+class Turnstile:
+    """Lets one through at a time; those who wait are let through in turn."""
+
+    def __init__(self) -> None:
+        self._busy = False
+        self._waiting: Turns[asyncio.Future[None]] = Turns()
+
+    async def enter(self, uid: int, pid: int) -> None:
+        """Wait for the way to be free, and take it; who came in has to `leave`."""
+        if self._busy:
+            come: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+            self._waiting.put(uid, pid, come)
+            await come
+        self._busy = True
+
+    def leave(self) -> None:
+        """Let the next one in."""
+        while self._waiting:
+            come = self._waiting.take()
+            if not come.done():  # a task that was cancelled does not come any more
+                come.set_result(None)
+                return
+        self._busy = False

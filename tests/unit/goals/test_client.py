@@ -5,6 +5,7 @@ from fake_flight import serving
 
 from daemon.goals.client import FlightClient
 from daemon.goals.client_errors import (
+    ConnectionLostError,
     InvalidRequestError,
     NoDaemonError,
     NotPermittedError,
@@ -163,3 +164,68 @@ async def test_stream_sends_references_and_hears_of_refused_ones(path):
         await flight.send_reference(goal.goal_id, [1, 2, -3], [0, 0, 0], yaw_deg=10)
         await flight.status()
         assert daemon.references[0].position == (1.0, 2.0, -3.0)
+
+
+async def test_request_that_the_daemon_could_not_answer_by_its_id_is_refused_before_it_is_sent(path):
+    async with serving(path), FlightClient(path) as flight:
+        for bad in (flight.goto(float("nan"), 0, -5), flight.path([[n, 0, -5] for n in range(9000)])):
+            with pytest.raises(InvalidRequestError):
+                await asyncio.wait_for(bad, 10)
+        assert (await flight.status())["state"] == "ready"
+
+
+async def test_one_connection_too_many_is_told_as_the_daemon_said_it(path, monkeypatch):
+    monkeypatch.setattr("daemon.goals.server.MAX_CLIENTS", 1)
+    async with serving(path), FlightClient(path) as first:
+        assert (await first.status())["state"] == "ready"
+        async with FlightClient(path, reconnect_s=0.2) as second:
+            with pytest.raises((ConnectionLostError, NoDaemonError), match="too many connections"):
+                await second.call("status.get")
+            with pytest.raises(NoDaemonError, match="too many connections"):
+                await asyncio.wait_for(second.status(), 10)
+
+
+async def test_what_a_newer_daemon_tells_besides_is_left_out(path):
+    async with serving(path) as daemon, FlightClient(path) as flight:
+        goal = await flight.goto(1, 0, -5)
+        daemon.hub.goal_feedback({"goal_id": goal.goal_id, "distance_m": 1.0, "angle_deg": 0.0, "progress": 0.5,
+                                  "eta_s": 1.0, "wind_m_s": 3.0})  # fmt: skip
+        record = daemon.records[goal.goal_id] | {"state": "done", "outcome": "succeeded", "wind_m_s": 3.0}
+        daemon.hub.goal_result(record)
+        assert (await asyncio.wait_for(goal.result(), 10)).succeeded
+        assert goal.feedback.distance_m == 1.0
+
+
+async def test_listeners_of_a_topic_get_it_at_the_highest_of_their_rates(path):
+    async with serving(path) as daemon, FlightClient(path) as flight:
+        streams = [flight.telemetry("state", rate_hz=50.0), flight.telemetry("state", "loops", rate_hz=2.0)]
+        tasks = [asyncio.ensure_future(anext(stream)) for stream in streams]
+        while not daemon.hub._gates["loops"]:
+            await flight.status()
+        periods = {topic: [gate.period_s for gate in daemon.hub._gates[topic].values()] for topic in ("state", "loops")}
+        assert periods == {"state": [0.02], "loops": [0.5]}
+        for task in tasks:
+            task.cancel()
+        await asyncio.wait(tasks)
+
+
+async def test_goals_of_two_clients_cross_and_each_learns_of_its_own(path):
+    async with serving(path) as daemon, FlightClient(path) as first, FlightClient(path) as second:
+
+        async def submit(flight):
+            return [await flight.goto(n, 0, -5) for n in range(50)]
+
+        ours, theirs = await asyncio.gather(submit(first), submit(second))
+        daemon.end(daemon.active)
+        results = [await asyncio.wait_for(goal.result(), 10) for goal in ours + theirs]
+        assert sorted(r.outcome for r in results) == ["preempted"] * 99 + ["succeeded"]
+        assert [r.goal_id for r in results] == [g.goal_id for g in ours + theirs]
+
+
+async def test_cancel_that_crosses_a_newer_goal_ends_each_once(path):
+    async with serving(path), FlightClient(path) as flight:
+        old = await flight.goto(1, 0, -5)
+        cancel, new = asyncio.ensure_future(old.cancel()), await flight.goto(2, 0, -5)
+        await asyncio.wait([cancel])
+        assert (await asyncio.wait_for(old.result(), 10)).outcome in ("canceled", "preempted")
+        assert not new.done or (await new).outcome == "canceled"

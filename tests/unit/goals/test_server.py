@@ -300,7 +300,7 @@ async def test_bytes_that_make_no_line_wait_in_the_clients_socket(path):
     async with serving(path) as daemon, raw(path) as trickler, raw(path) as modest:
         await settle(trickler)
         reads = []
-        session = next(iter(daemon.server._sessions))
+        session = min(daemon.server._sessions, key=lambda session: session.caller.connection)
         session._lines.feed = lambda data: reads.append(len(data))
         for _ in range(200):
             trickler.writer.write(b" ")

@@ -47,11 +47,13 @@ def test_dear_pieces_get_a_quarter_of_the_time_and_a_wider_guard():
         loop.time = lambda: real() + 0.0015 * len(begun_s)  # each piece takes 1.5 ms
         slack.want(always_busy(slack, begun_s))
         await asyncio.sleep(0.2)
-        return begun_s, slack.start_s(0.998), slack.start_s(0.9986)
+        found = slack.start_s(0.998), slack.start_s(0.9986)
+        slack._most_guard_s = 0.001
+        return begun_s, *found, slack.start_s(0.9986)
 
-    begun_s, clear_s, guarded_s = run_virtual(scenario())
+    begun_s, clear_s, guarded_s, unguarded_s = run_virtual(scenario())
     assert min(b - a for a, b in pairwise(begun_s)) >= 4 * 0.0015 - 1e-9
-    assert (clear_s, guarded_s) == (0.998, 1.0)
+    assert (clear_s, guarded_s, unguarded_s) == (0.998, 1.0, 0.9986)
 
 
 @pytest.mark.parametrize("next_tick", [lambda: 0.0, lambda: asyncio.get_running_loop().time() + 1e-4])
