@@ -1,13 +1,14 @@
 from dataclasses import replace
-from math import exp, radians
+from math import exp, radians, sin
 
 import pytest
 
 from daemon import frames
 from daemon.control import vehicle_model
+from daemon.control.observer import Observer
 from daemon.control.parameters import ControlParameters
 from daemon.control.vehicle_model import VehicleModel
-from daemon.messages import IDENTITY, ZERO3, EstimatedState, Quat, Vec3
+from daemon.messages import IDENTITY, ZERO3, EstimatedState, Quat, Reset, Vec3
 
 P = ControlParameters(hover_thrust=0.5, thrust_lag_s=0.06)
 G = P.gravity_m_s2
@@ -76,3 +77,92 @@ def test_old_commands_are_forgotten_and_overtaken_ones_dropped() -> None:
     model = vehicle_model.commanded(model, 4.9, 0.6)
     times = [acts_s for acts_s, _ in model.commands]
     assert times == sorted(times) and times[-1] == 4.9 and model.commands[-1][1] == 0.6
+
+
+@pytest.mark.parametrize(("pitch", "roll"), [(0.2, 0.0), (0.0, 0.2), (0.15, -0.1)])
+def test_the_wind_against_which_a_vehicle_at_rest_leans_cancels_its_thrust_sideways(pitch: float, roll: float) -> None:
+    attitude = frames.from_rpy(roll, pitch, 0.7)
+    model = vehicle_model.observed(VehicleModel(hover_thrust=0.5), sample(0.0, attitude=attitude), P)
+    sideways = frames.scale(frames.down_axis(attitude), -G)
+    assert model.disturbance_ned_m_s2 == pytest.approx((-sideways[0], -sideways[1], 0.0))
+    assert model.acceleration_ned_m_s2[:2] == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
+@pytest.mark.parametrize(("speed_m_s", "believed"), [(0.45, True), (0.55, False)])
+def test_half_a_metre_a_second_is_no_rest(speed_m_s: float, believed: bool) -> None:
+    attitude = frames.from_rpy(0.0, 0.2, 0.0)
+    model = vehicle_model.observed(VehicleModel(hover_thrust=0.5), sample(0.0, (0.0, speed_m_s, 0.0), attitude), P)
+    assert (model.disturbance_ned_m_s2 != ZERO3) is believed
+
+
+def test_a_lean_shows_no_wind_while_the_estimate_of_it_is_off_or_later_on() -> None:
+    attitude = frames.from_rpy(0.0, 0.2, 0.0)
+    off = replace(P, disturbance_bandwidth_rad_s=0.0)
+    unseen = vehicle_model.observed(VehicleModel(hover_thrust=0.5), sample(0.0, attitude=attitude), off)
+    assert unseen.disturbance_ned_m_s2 == ZERO3
+    slow = replace(P, disturbance_bandwidth_rad_s=0.5)
+    first = vehicle_model.observed(VehicleModel(hover_thrust=0.5), sample(0.0, attitude=attitude), slow)
+    assert first.disturbance_ned_m_s2[0] == pytest.approx(G * sin(0.2)), "a slow estimate begins with it too"
+    begun = vehicle_model.observed(VehicleModel(hover_thrust=0.5), sample(0.0), P)
+    later = vehicle_model.observed(begun, sample(DT, attitude=attitude), P)
+    assert frames.norm(later.disturbance_ned_m_s2) < 0.5
+
+
+def with_commands(*commands: tuple[float, float]) -> VehicleModel:
+    model = vehicle_model.observed(VehicleModel(hover_thrust=0.5), sample(0.0), P)
+    for acts_s, thrust in commands:
+        model = vehicle_model.commanded(model, acts_s, thrust)
+    return model
+
+
+def test_thrust_follows_the_command_that_acts_with_its_lag() -> None:
+    model = with_commands((0.005, 0.6), (0.03, 0.9))
+    model = vehicle_model.observed(model, sample(DT), P)
+    assert model.thrust == pytest.approx(0.6 - 0.1 * exp(-DT / 0.06))
+    again = vehicle_model.observed(model, sample(2 * DT), P)
+    assert again.thrust == pytest.approx(0.6 - 0.1 * exp(-2.0 * DT / 0.06))
+
+
+def test_a_command_acts_at_its_very_time() -> None:
+    model = vehicle_model.observed(with_commands((0.0625, 0.7)), sample(0.0625), replace(P, thrust_lag_s=0.0))
+    assert model.thrust == 0.7
+
+
+@pytest.mark.parametrize(("gap_s", "lag_s"), [(0.01, 0.0), (0.15, 0.06), (0.15, 0.0)])
+def test_without_a_lag_or_after_a_gap_the_command_is_the_thrust(gap_s: float, lag_s: float) -> None:
+    model = vehicle_model.observed(with_commands((0.005, 0.8)), sample(gap_s), replace(P, thrust_lag_s=lag_s))
+    assert model.thrust == 0.8
+
+
+def test_an_older_sample_changes_nothing() -> None:
+    model = vehicle_model.observed(VehicleModel(hover_thrust=0.5), sample(1.0), P)
+    assert vehicle_model.observed(model, sample(0.5, (5.0, 0.0, 0.0)), P) is model
+
+
+@pytest.mark.parametrize(("commanded", "edge"), [(0.05, 0.02), (0.98, 0.98)])
+def test_hover_thrust_stays_that_of_a_vehicle_that_flies(commanded: float, edge: float) -> None:
+    """It hangs in the air whatever is commanded; the range about the start would allow more."""
+    p = replace(P, hover_thrust=commanded, hover_range=0.9, hover_time_constant_s=0.1, disturbance_max_m_s2=9.0)
+    model = VehicleModel(hover_thrust=commanded)
+    for i in range(400):
+        model = vehicle_model.observed(model, sample(i * DT), p)
+        model = vehicle_model.commanded(model, i * DT, 0.01 if edge < 0.5 else 1.0)
+    assert model.hover_thrust == pytest.approx(edge, abs=1e-9)
+
+
+def test_memories_of_the_model_turn_and_shift_with_a_reset() -> None:
+    model = VehicleModel(
+        hover_thrust=0.5,
+        by_velocity=Observer(1.0, (1.0, 2.0, 3.0), (0.5, 0.0, -1.0), (0.2, 0.0, 0.3)),
+        by_position=Observer(1.0, (10.0, 20.0, 30.0), (1.0, 2.0, 3.0), (0.1, 0.2, 0.3)),
+        acceleration_ned_m_s2=(1.0, 0.0, 2.0),
+    )
+    reset = Reset(1.0, frozenset(), (3.0, -4.0, 5.0), (0.1, 0.2, 0.3), radians(90.0))
+    after = vehicle_model.shifted(model, reset)
+    assert after.by_velocity.quantity == pytest.approx((1.1, 2.2, 3.3))
+    assert after.by_velocity.derivative == pytest.approx((0.0, 0.5, -1.0))
+    assert after.by_velocity.unexplained == pytest.approx((0.0, 0.2, 0.3))
+    assert after.by_position.quantity == pytest.approx((13.0, 16.0, 35.0))
+    assert after.by_position.derivative == pytest.approx((1.1, 2.2, 3.3))
+    assert after.by_position.unexplained == (0.1, 0.2, 0.3), "the bias is one of the sensors, not of the frame"
+    assert after.acceleration_ned_m_s2 == pytest.approx((0.0, 1.0, 2.0))

@@ -23,3 +23,8 @@ def test_rate_on_a_circle_is_the_angular_velocity() -> None:
     velocity, acceleration = (3 * cos(w * t), 3 * sin(w * t), 0.0), (-3 * w * sin(w * t), 3 * w * cos(w * t), 0.0)
     yaw, rate = heading(velocity, acceleration, 0.0, minimum_m_s=0.5)
     assert (yaw, rate) == (pytest.approx(w * t), pytest.approx(w))
+
+
+def test_a_metre_a_second_is_a_speed_and_the_minimum_itself_is_none() -> None:
+    assert heading((0.0, 1.0, 0.0), (2.0, 0.0, 0.0), 0.3, minimum_m_s=0.5) == (pytest.approx(pi / 2), -2.0)
+    assert heading((0.0, 0.5, 0.0), (2.0, 0.0, 0.0), 0.3, minimum_m_s=0.5) == (0.3, 0.0)
