@@ -4,14 +4,11 @@ A number that is missing (None: NaN in JSON) becomes NaN. KeyError, TypeError or
 """
 
 from math import nan
-from typing import Any
+from typing import Any, cast
 
 from daemon.messages import GlobalPosition, Imu, Odometry, Vec3
 
 Fields = dict[str, Any]
-
-# Row-major upper triangle of a 6x6 matrix: where the diagonal sits.
-_DIAGONAL_FIRST = (0, 6, 11)
 
 
 def number(value: float | str | None) -> float:
@@ -19,37 +16,40 @@ def number(value: float | str | None) -> float:
     return nan if value is None else float(value)
 
 
-def _diagonal(covariance: list[float | None]) -> Vec3:
-    first, second, third = (number(covariance[index]) for index in _DIAGONAL_FIRST)
-    return (first, second, third)
+def vector(*values: float | str | None) -> Vec3:
+    """Three fields as floats; None is NaN."""
+    if None in values:
+        return cast(Vec3, tuple(map(number, values)))
+    return cast(Vec3, tuple(map(float, cast(tuple[float, float, float], values))))
 
 
 def odometry(fields: Fields, arrival_s: float) -> Odometry:
     """ODOMETRY; frames are named by its ids and not changed here."""
-    q = fields["q"]
+    w, x, y, z = fields["q"]
+    pose, velocity = fields["pose_covariance"], fields["velocity_covariance"]
     return Odometry(
-        stamp_us=int(fields["time_usec"]),
-        arrival_s=arrival_s,
-        frame_id=int(fields["frame_id"]),
-        child_frame_id=int(fields["child_frame_id"]),
-        position_m=(number(fields["x"]), number(fields["y"]), number(fields["z"])),
-        velocity_m_s=(number(fields["vx"]), number(fields["vy"]), number(fields["vz"])),
-        attitude_wb=(number(q[0]), number(q[1]), number(q[2]), number(q[3])),
-        rates_frd_rad_s=(number(fields["rollspeed"]), number(fields["pitchspeed"]), number(fields["yawspeed"])),
-        position_variance_m2=_diagonal(fields["pose_covariance"]),
-        velocity_variance_m2_s2=_diagonal(fields["velocity_covariance"]),
-        reset_counter=int(fields["reset_counter"]),
+        int(fields["time_usec"]),
+        arrival_s,
+        int(fields["frame_id"]),
+        int(fields["child_frame_id"]),
+        vector(fields["x"], fields["y"], fields["z"]),
+        vector(fields["vx"], fields["vy"], fields["vz"]),
+        (number(w), *vector(x, y, z)),
+        vector(fields["rollspeed"], fields["pitchspeed"], fields["yawspeed"]),
+        vector(pose[0], pose[6], pose[11]),  # the diagonal of the upper triangle by rows
+        vector(velocity[0], velocity[6], velocity[11]),
+        int(fields["reset_counter"]),
     )
 
 
 def imu(fields: Fields, arrival_s: float) -> Imu:
     """HIGHRES_IMU: m/s^2, rad/s, gauss, all in FRD."""
     return Imu(
-        stamp_us=int(fields["time_usec"]),
-        arrival_s=arrival_s,
-        specific_force_frd_m_s2=(number(fields["xacc"]), number(fields["yacc"]), number(fields["zacc"])),
-        rates_frd_rad_s=(number(fields["xgyro"]), number(fields["ygyro"]), number(fields["zgyro"])),
-        magnetic_field_frd_gauss=(number(fields["xmag"]), number(fields["ymag"]), number(fields["zmag"])),
+        int(fields["time_usec"]),
+        arrival_s,
+        vector(fields["xacc"], fields["yacc"], fields["zacc"]),
+        vector(fields["xgyro"], fields["ygyro"], fields["zgyro"]),
+        vector(fields["xmag"], fields["ymag"], fields["zmag"]),
     )
 
 
@@ -66,5 +66,5 @@ def battery_fraction(fields: Fields) -> float | None:
 
 def home_ned(fields: Fields) -> Vec3 | None:
     """HOME_POSITION's place in the local frame, metres; None when it is not given."""
-    values = (number(fields["x"]), number(fields["y"]), number(fields["z"]))
+    values = vector(fields["x"], fields["y"], fields["z"])
     return None if any(value != value for value in values) else values
