@@ -1,7 +1,6 @@
 """The composition root: what ``flightd run`` starts, in the order in which it starts, and stops."""
 
 import asyncio
-import gc
 import os
 import signal
 from collections.abc import Callable
@@ -128,8 +127,8 @@ async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Li
     tasks = asyncio.ensure_future(vehicle.run())
     dead_man.start()
     await server.start(listener)
-    gc.collect()
-    gc.freeze()
+    vehicle.garbage.start()
+    vehicle.control.listeners.append(vehicle.garbage.on_tick)
     notify("READY=1\nSTATUS=waiting for the autopilot")
     failed = False
     try:
@@ -146,6 +145,7 @@ async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Li
         await asyncio.gather(tasks, return_exceptions=True)
         if recorder is not None:
             recorder.close()
+        vehicle.garbage.stop()
         log.info("stopped")
     return EXIT_FAILED if failed else EXIT_OK
 

@@ -11,6 +11,7 @@ from daemon.guidance.parameters import GuidanceParameters
 from daemon.latest import Latest
 from daemon.loops.commander import Commander, CommandTimeouts
 from daemon.loops.control_task import ControlTask
+from daemon.loops.garbage import Garbage
 from daemon.loops.grid import Alarm, Grid
 from daemon.loops.health_task import HealthTask
 from daemon.loops.trajectory_task import TrajectoryTask
@@ -69,6 +70,7 @@ class Vehicle:
             self.parameters,
         )
         self.control.listeners.append(self.trajectory.on_control_tick)
+        self.garbage = Garbage(control_grid)
         self.commander = Commander(autopilot, self.gate, self.record, self.request, CommandTimeouts())
         self.health = HealthTask(self, Grid(0.2, alarm()))
 
