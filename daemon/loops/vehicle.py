@@ -124,13 +124,22 @@ class Vehicle:
         self.config = config
 
     async def release(self) -> None:
-        """Hand the vehicle over to Hold if it is ours or about to be, within ``RELEASE_S``; take it no more."""
+        """Hand the vehicle over to Hold if it is ours or about to be, within ``RELEASE_S``; take it no more.
+
+        A goal that is left then ends ``aborted``, ``stopping``: it was not flown yet.
+        """
         self.commander.stopping = True
+        if self._is_taken():
+            last = self.request.value
+            self.request.set(VehicleRequest(1 if last is None else last.serial + 1, RequestKind.HOLD))
+            with contextlib.suppress(CommandTimeoutError):
+                await self.commander.wait_for(lambda: self.commander.state not in OURS, RELEASE_S, "released")
+        if self.trajectory.goal_id is not None:
+            self.trajectory.abort(self.trajectory.goal_id, "stopping")
+
+    def _is_taken(self) -> bool:
+        """Whether the vehicle is ours, or an engage is on its way to the supervisor."""
         last, record = self.request.value, self.record.value
         engages = last is not None and last.kind is RequestKind.ENGAGE
         seen = record is not None and last is not None and record.supervision.serial == last.serial
-        if self.commander.state not in OURS and (seen or not engages):
-            return
-        self.request.set(VehicleRequest(1 if last is None else last.serial + 1, RequestKind.HOLD))
-        with contextlib.suppress(CommandTimeoutError):
-            await self.commander.wait_for(lambda: self.commander.state not in OURS, RELEASE_S, "released")
+        return self.commander.state in OURS or (engages and not seen)
