@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Awaitable, Callable, Mapping
 from enum import IntEnum
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, NoReturn, TypeVar
 
@@ -72,14 +73,19 @@ def number(text: str | float) -> float:
     """A number of the command line (or an option's default)."""
     plain = str(text).replace(MINUS, "-")
     try:
-        return float(plain)
+        value = float(plain)
     except ValueError:
         raise typer.BadParameter(f"{plain!r} is not a number") from None
+    if not isfinite(value):
+        raise typer.BadParameter(f"{plain!r} is not a finite number")
+    return value
 
 
 SocketOption = Annotated[
     Path | None,
-    typer.Option("--socket", help="The daemon's socket (default: $FLIGHTD_SOCKET, else where it usually is)."),
+    typer.Option(
+        "--socket", metavar="PATH", help="The daemon's socket (default: $FLIGHTD_SOCKET, else where it usually is)."
+    ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 

@@ -6,22 +6,23 @@ from typing import Annotated
 import typer
 
 ConfigFiles = Annotated[
-    list[Path] | None, typer.Option("--config", help="YAML file over the defaults; may be given several times.")
+    list[Path] | None,
+    typer.Option("--config", metavar="FILE", help="YAML file over the defaults; may be given several times."),
 ]
 
 
 def register(app: typer.Typer) -> None:
     """Add the commands."""
-    app.command(name="run")(run)
-    app.command(name="check-config")(check_config)
+    app.command(name="run", short_help="Run the daemon.")(run)
+    app.command(name="check-config", short_help="Check configuration files.")(check_config)
 
 
 def run(
     config: ConfigFiles = None,
     connection: Annotated[
-        str | None, typer.Option(help="MAVSDK's URL of the autopilot, such as udpin://127.0.0.1:14540.")
+        str | None, typer.Option(metavar="URL", help="MAVSDK's URL of the autopilot, such as udpin://127.0.0.1:14540.")
     ] = None,
-    socket: Annotated[Path | None, typer.Option(help="Path of the goal socket.")] = None,
+    socket: Annotated[Path | None, typer.Option(metavar="PATH", help="Path of the goal socket.")] = None,
 ) -> None:
     """Run the daemon until SIGTERM or Ctrl-C; it waits for an autopilot and takes goals on its socket.
 
@@ -33,7 +34,9 @@ def run(
 
 
 def check_config(
-    files: Annotated[list[Path] | None, typer.Argument(help="YAML files, stacked over the defaults.")] = None,
+    files: Annotated[
+        list[Path] | None, typer.Argument(metavar="FILE...", help="YAML files, stacked over the defaults.")
+    ] = None,
 ) -> None:
     """Check configuration files without starting anything; exit code 2 when they cannot be used."""
     from daemon import app

@@ -33,12 +33,14 @@ class DemoError(Exception):
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command(name="demo")(demo)
+    app.command(name="demo", short_help="Fly three goals in simulation.")(demo)
 
 
 def demo(
     as_json: JsonOption = False,
-    out: Annotated[Path, typer.Option(help="Folder for the report, the record and the logs.")] = Path("flight-report"),
+    out: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder for the report, the record and the logs.")] = Path(
+        "flight-report"
+    ),
     px4: Annotated[
         str | None,
         typer.Option(help="Fly the PX4 at this MAVSDK URL, such as udpin://0.0.0.0:14540, not a simulated one."),

@@ -85,7 +85,10 @@ def goto(
 
 
 def path(
-    numbers: Annotated[list[float], typer.Argument(parser=number, metavar="N E D...", help="Three a waypoint.")],
+    numbers: Annotated[
+        list[float],
+        typer.Argument(parser=number, metavar="N E D...", help="Waypoints, three numbers each, as for `flightd goto`."),
+    ],
     through: Annotated[Through, typer.Option(help="Stop at each, or fly by in one smooth path.")] = Through.STOP,
     yaw: YawOption = None,
     frame: FrameOption = FrameName.LOCAL_NED,

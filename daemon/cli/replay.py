@@ -24,14 +24,16 @@ EPILOG = "Exit codes: 0 identical (or compared with --config), 1 different, 2 ca
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command(name="replay", epilog=EPILOG)(replay)
+    app.command(name="replay", short_help="Fly a record through the flow again.", epilog=EPILOG)(replay)
 
 
 def replay(
     records: Annotated[list[Path], typer.Argument(metavar="FLIGHT.mcap...", help=RECORDS)],
     configs: Annotated[
         list[Path] | None,
-        typer.Option("--config", help="Fly with this configuration instead; may be given several times."),
+        typer.Option(
+            "--config", metavar="FILE", help="Fly with this configuration instead; may be given several times."
+        ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

@@ -14,12 +14,18 @@ RECORDS = "Flight record (.mcap); the parts of one flight in order."
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command(name="report", epilog="Example:\n\nflightd report flight-records/20261122T101500Z-part1.mcap")(report)
+    app.command(
+        name="report",
+        short_help="Write a page about a flight.",
+        epilog="Example:\n\nflightd report flight-records/20261122T101500Z-part1.mcap",
+    )(report)
 
 
 def report(
     records: Annotated[list[Path], typer.Argument(metavar="FLIGHT.mcap...", help=RECORDS)],
-    out: Annotated[Path, typer.Option(help="Folder for the page and its pictures.")] = Path("flight-report"),
+    out: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder for the page and its pictures.")] = Path(
+        "flight-report"
+    ),
     as_json: JsonOption = False,
 ) -> None:
     """Write a page about a flight: summary, path, errors, attitude, rates, thrust, timing, goals, events."""

@@ -59,5 +59,7 @@ def register(app: typer.Typer) -> None:
     settings = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Read and change settings.")
     settings.command(epilog=examples("flightd config get guidance.limits.speed_m_s"))(get)
     set_examples = examples("flightd config set guidance.limits.speed_m_s 3")
-    settings.command("set", cls=NumbersCommand, epilog=set_examples)(change)
+    settings.command("set", short_help="Change a setting until the restart.", cls=NumbersCommand, epilog=set_examples)(
+        change
+    )
     app.add_typer(settings, name="config")

@@ -23,7 +23,7 @@ sim_app = typer.Typer(invoke_without_command=True, no_args_is_help=False, rich_m
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.add_typer(sim_app, name="sim")
+    app.add_typer(sim_app, name="sim", short_help="Simulate PX4 quadrotors.")
 
 
 @sim_app.callback(
@@ -38,18 +38,27 @@ def register(app: typer.Typer) -> None:
 def sim(
     context: typer.Context,
     port: Annotated[
-        int, typer.Option(help="UDP port of 127.0.0.1 that the vehicle sends to.", min=1, max=65535)
+        int, typer.Option(metavar="PORT", help="UDP port of 127.0.0.1 that the vehicle sends to.", min=1, max=65535)
     ] = 14540,
-    seed: Annotated[int, typer.Option(help="Seed of noise and faults.", min=0)] = 0,
-    vehicles: Annotated[int, typer.Option(help="Vehicles; ports and system ids count up.", min=1, max=50)] = 1,
-    airframe: Annotated[str, typer.Option(help="Name (sih, x500) or path of a YAML file.")] = "sih",
-    speed: Annotated[float, typer.Option(help="Simulated seconds a second.", min=0.01, max=50.0)] = 1.0,
-    control: Annotated[Path | None, typer.Option(help="Socket for `flightd sim fault`.")] = None,
+    seed: Annotated[int, typer.Option(metavar="N", help="Seed of noise and faults.", min=0)] = 0,
+    vehicles: Annotated[
+        int, typer.Option(metavar="N", help="Vehicles; ports and system ids count up.", min=1, max=50)
+    ] = 1,
+    airframe: Annotated[str, typer.Option(metavar="NAME", help="Name (sih, x500) or path of a YAML file.")] = "sih",
+    speed: Annotated[
+        float, typer.Option(metavar="FACTOR", help="Simulated seconds a second.", min=0.01, max=50.0)
+    ] = 1.0,
+    control: Annotated[Path | None, typer.Option(metavar="PATH", help="Socket for `flightd sim fault`.")] = None,
     noise: Annotated[bool, typer.Option(help="Sensor and estimator noise as recorded from PX4.")] = True,
-    scenario: Annotated[Path | None, typer.Option(help="YAML list of faults with at_s: docs/simulator.md.")] = None,
+    scenario: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="YAML list of faults with at_s: docs/simulator.md.")
+    ] = None,
     fault: Annotated[
         list[str] | None,
-        typer.Option(help="One fault: its name and key=value words; at_s and vehicle say when and whom. Repeatable."),
+        typer.Option(
+            metavar="FAULT",
+            help="One fault: its name and key=value words; at_s and vehicle say when and whom. Repeatable.",
+        ),
     ] = None,
 ) -> None:
     """Simulate PX4 quadrotors that speak MAVLink over UDP on this machine, until Ctrl-C.
@@ -104,6 +113,7 @@ def control_path(port: int) -> Path:
 
 @sim_app.command(
     name="fault",
+    short_help="Make something fail now.",
     epilog=examples(
         "flightd sim fault list",
         "flightd sim fault gps_loss duration_s=10",
@@ -113,11 +123,13 @@ def control_path(port: int) -> Path:
     ),
 )
 def run_time_fault(
-    name: Annotated[str, typer.Argument(help="Name of a fault, or `list`, or `clear`.")],
-    settings: Annotated[list[str] | None, typer.Argument(help="Its settings, as key=value.")] = None,
-    port: Annotated[int, typer.Option(help="Port of the simulator.")] = 14540,
-    vehicle: Annotated[int | None, typer.Option(help="System id; all vehicles without it.")] = None,
-    control: Annotated[Path | None, typer.Option(help="The simulator's control socket.")] = None,
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of a fault, or `list`, or `clear`.")],
+    settings: Annotated[
+        list[str] | None, typer.Argument(metavar="KEY=VALUE...", help="Its settings, as key=value.")
+    ] = None,
+    port: Annotated[int, typer.Option(metavar="PORT", help="Port of the simulator.")] = 14540,
+    vehicle: Annotated[int | None, typer.Option(metavar="N", help="System id; all vehicles without it.")] = None,
+    control: Annotated[Path | None, typer.Option(metavar="PATH", help="The simulator's control socket.")] = None,
 ) -> None:
     """Make something fail in a running simulator now, or name the faults that there are and those at work.
 

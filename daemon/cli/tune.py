@@ -25,6 +25,7 @@ def register(app: typer.Typer) -> None:
     """Add the command."""
     app.command(
         name="tune",
+        short_help="Measure hover thrust and lags.",
         epilog=examples(
             "flightd tune --simulate --airframe x500",
             "flightd tune --connection udpin://0.0.0.0:14540 --airframe mine --out tuned",
@@ -34,13 +35,17 @@ def register(app: typer.Typer) -> None:
 
 def tune(
     connection: Annotated[
-        str | None, typer.Option(help="MAVSDK's URL of the autopilot; no other daemon may have it.")
+        str | None, typer.Option(metavar="URL", help="MAVSDK's URL of the autopilot; no other daemon may have it.")
     ] = None,
     airframe: Annotated[
         str | None,
-        typer.Option(help="What the files are called; with --simulate what is flown: sih, x500 or a YAML file."),
+        typer.Option(
+            metavar="NAME", help="What the files are called; with --simulate what is flown: sih, x500 or a YAML file."
+        ),
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for the YAML file and the picture.")] = Path("tuned"),
+    out: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder for the YAML file and the picture.")] = Path(
+        "tuned"
+    ),
     simulate: Annotated[bool, typer.Option("--simulate", help="Start `flightd sim` and measure that.")] = False,
     takeoff: Annotated[
         bool, typer.Option("--takeoff", help=f"Take off to {_TAKEOFF_M:g} m if it is on the ground, and land after.")

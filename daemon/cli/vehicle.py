@@ -66,7 +66,7 @@ def disarm(as_json: JsonOption = False, socket: SocketOption = None) -> None:
 
 
 def takeoff(
-    altitude: Annotated[float, typer.Argument(parser=number, metavar="ALT", help="Metres above the ground.")],
+    altitude: Annotated[float, typer.Argument(parser=number, metavar="ALT", help="Metres above the take-off point.")],
     as_json: JsonOption = False,
     socket: SocketOption = None,
 ) -> None:
@@ -99,8 +99,10 @@ def register(app: typer.Typer) -> None:
     app.command(epilog=examples("flightd status", "flightd status --json"))(status)
     app.command(epilog=examples("flightd arm"))(arm)
     app.command(epilog=examples("flightd disarm"))(disarm)
-    app.command(cls=NumbersCommand, epilog=examples("flightd takeoff 5"))(takeoff)
+    app.command(cls=NumbersCommand, short_help="Take off and hold in the air.", epilog=examples("flightd takeoff 5"))(
+        takeoff
+    )
     app.command(epilog=examples("flightd engage"))(engage)
-    app.command(epilog=examples("flightd hold"))(hold)
+    app.command(short_help="Release the vehicle to Hold.", epilog=examples("flightd hold"))(hold)
     app.command(epilog=examples("flightd land"))(land)
     app.command("return", epilog=examples("flightd return"))(return_)

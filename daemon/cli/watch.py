@@ -163,4 +163,6 @@ def watch(as_json: JsonOption = False, socket: SocketOption = None) -> None:
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command(epilog=examples("flightd watch", "flightd watch --json | jq .topic"))(watch)
+    app.command(
+        short_help="Watch it live, until Ctrl-C.", epilog=examples("flightd watch", "flightd watch --json | jq .topic")
+    )(watch)

@@ -147,6 +147,7 @@ _SENTENCES = {
     "extra_forbidden": "is not a known key",
     "finite_number": "must be a finite number",
     "union_tag_not_found": "is missing",
+    "string_unicode": "must be text that Unicode has",
 }
 _WANTED = {
     "float_type": "a number",

@@ -82,6 +82,13 @@ def test_a_word_for_a_number_is_refused_before_asking_the_daemon(flightd):
     assert "'two' is not a number" in done.err
 
 
+@pytest.mark.parametrize("word", ["nan", "inf", "1e999"])
+def test_a_number_that_is_not_finite_is_refused_before_asking_the_daemon(flightd, word):
+    done = flightd("goto", "1", "0", word)
+    assert done.returncode == 2
+    assert "is not a finite number" in done.err
+
+
 def test_unknown_option_is_not_taken_for_a_number(flightd):
     done = flightd("goto", "1", "2", "-5", "--yawn", "3")
     assert done.returncode == 2

@@ -88,6 +88,7 @@ TO_NOWHERE = {"heading": {"point": [1, 2]}}
         (lambda: refusal_of("telemetry.subscribe", {"topics": ["state"], "rate_hz": 51}), -32001, "rate_hz", None),
         (lambda: refusal_of("config.set", {"path": "a", "value": {}}), -32602, "value", None),
         (lambda: refusal_of("goal.get", {"goal_id": ""}), -32602, "goal_id", "must have at least 1 characters, not 0"),
+        (lambda: refusal_of("goal.get", {"goal_id": "\ud800"}), -32602, "goal_id", "must be text that Unicode has"),
         (lambda: refusal_of("goal.get", {"goal_id": 3}), -32602, "goal_id", "must be a string, not a number"),
         (lambda: refusal_of("status.get", [1]), -32602, "params", "must be an object, not a list"),
     ],
