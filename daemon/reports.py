@@ -64,10 +64,12 @@ class Reports:
         }
 
     def loops(self) -> results.LoopReports:
-        """Statistics of both tasks."""
+        """Statistics of both tasks and of the garbage collector."""
+        garbage = self._vehicle.garbage.report
         return {
             "control": _loop_report(self._vehicle.control.grid.statistics.report()),
             "trajectory": _loop_report(self._vehicle.trajectory.grid.statistics.report()),
+            "garbage": {"collections": garbage.collections, "longest_ms": round(1e3 * garbage.longest_s, 3)},
         }
 
     def counters(self) -> results.Counters:
@@ -83,12 +85,20 @@ class Reports:
         }
 
     def goal(self) -> results.GoalProgress | None:
-        """How far the active goal is, or None."""
-        progress = self._vehicle.trajectory.progress
-        if progress is None:
+        """How far the active goal is, or None; nothing is known of one that waits for the vehicle to be engaged."""
+        progress, order = self._vehicle.trajectory.progress, self._vehicle.trajectory.order
+        if progress is not None:
+            return {"kind": progress.kind, **goal_feedback(progress)}
+        if order is None:
             return None
-        feedback = goal_feedback(progress)
-        return {"kind": progress.kind, **feedback}
+        return {
+            "goal_id": order.goal_id,
+            "kind": order.kind,
+            "distance_m": None,
+            "angle_deg": None,
+            "progress": 0.0,
+            "eta_s": None,
+        }
 
 
 def goal_feedback(progress: Progress) -> results.GoalFeedback:

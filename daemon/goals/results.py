@@ -73,11 +73,19 @@ class LoopReport(TypedDict):
     missed: int
 
 
+class CollectorReport(TypedDict):
+    """Garbage collections since the start, and the longest pause that one made, right after a control tick."""
+
+    collections: int
+    longest_ms: float
+
+
 class LoopReports(TypedDict):
-    """Statistics of both tasks; also the payload of telemetry.loops."""
+    """Statistics of both tasks and of the garbage collector; also the payload of telemetry.loops."""
 
     control: LoopReport
     trajectory: LoopReport
+    garbage: CollectorReport
 
 
 class Counters(TypedDict):

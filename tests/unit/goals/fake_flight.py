@@ -64,7 +64,7 @@ class FakeFlight:
             "autopilot": autopilot,
             "vehicle": vehicle,
             "goal": goal,
-            "loops": {"control": LOOP, "trajectory": LOOP},
+            "loops": {"control": LOOP, "trajectory": LOOP, "garbage": {"collections": 5, "longest_ms": 0.4}},
             "counters": {"resets": 0, "refused": {"stale": 2}},
         }
 
