@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[3]
+PATIENCE_S = 120.0
 sys.path.append(str(Path(__file__).parents[1] / "goals"))
 
 
@@ -28,7 +29,7 @@ def flightd(path):
         def __call__(self, *arguments, **more):
             process = self.start(*arguments, **more)
             try:
-                process.out, process.err = process.communicate(timeout=30)
+                process.out, process.err = process.communicate(timeout=PATIENCE_S)
             except subprocess.TimeoutExpired:
                 process.kill()
                 raise

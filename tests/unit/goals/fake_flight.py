@@ -232,10 +232,10 @@ def serving_in_thread(path: Path, **fake):
 
     thread = threading.Thread(target=lambda: asyncio.run(serve()), daemon=True)
     thread.start()
-    assert started.wait(10.0)
+    assert started.wait(60.0)
     holder["flight"].loop = holder["loop"]
     try:
         yield holder["flight"]
     finally:
         holder["loop"].call_soon_threadsafe(holder["stop"].set)
-        thread.join(10.0)
+        thread.join(60.0)
