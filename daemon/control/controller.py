@@ -82,7 +82,7 @@ def step(
             flow = fly(model, state.memory, _unbiased(predicted, seen_s, model), reference, dt_s, p)
     setpoint, limited = _limited(flow.setpoint, last, model.hover_thrust, dt_s, p)
     time_s = state.time_s if "predicted" in refused else predicted.time_s
-    model = vehicle_model.commanded(model, time_s, setpoint.thrust)
+    model = vehicle_model.commanded(model, time_s, setpoint)
     seen = flow.record
     record = ControlRecord(
         refused,
@@ -98,6 +98,7 @@ def step(
         model.hover_thrust,
         model.acceleration_ned_m_s2,
         model.drag.learned_1_s,
+        model.lateness.late_s,
     )
     return ControlState(time_s, setpoint, model, flow.memory), setpoint, record
 

@@ -17,7 +17,8 @@ class ControlRecord:
 
     ``refused`` names the inputs that were unusable (estimate, predicted, reference), ``limited`` the limits that cut
     (thrust_vector, rates, thrust, slew). ``acceleration_ned_m_s2`` is what the vehicle is expected to accelerate with
-    now, for prediction; ``drag_learned_1_s`` adds to the configured drag along each axis.
+    now, for prediction; ``drag_learned_1_s`` adds to the configured drag along each axis;
+    ``late_s`` is by how much later than modelled the vehicle follows commanded rates.
     """
 
     refused: tuple[str, ...] = ()
@@ -33,6 +34,7 @@ class ControlRecord:
     hover_thrust: float = 0.0
     acceleration_ned_m_s2: Vec3 = ZERO3
     drag_learned_1_s: float = 0.0
+    late_s: float = 0.0
 
 
 @value
@@ -87,7 +89,12 @@ def fly(
         feed_forward = rotate(multiply(conjugate(attitude_wb), desired_wb), lead)
     rates = add(_attitude_rates(attitude_wb, desired_wb, thrust, p), feed_forward)
     rates = limits.tilt_guard(
-        rates, attitude_wb, predicted.rates_frd_rad_s, tilt_max_rad=p.tilt_max_rad, rate_lag_s=p.rate_lag_s[0]
+        rates,
+        attitude_wb,
+        predicted.rates_frd_rad_s,
+        tilt_max_rad=p.tilt_max_rad,
+        rate_lag_s=p.rate_lag_s[0],
+        late_s=model.lateness.late_s,
     )
     record = ControlRecord(
         limited=("thrust_vector",) if cut else (),

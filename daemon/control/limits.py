@@ -7,6 +7,7 @@ from daemon.messages import Quat, Setpoint, Vec3
 
 _HEIGHT_SHARE = 0.9  # of full thrust for height at most, so that some tilt remains
 _LAG_MIN_S = 0.02  # the guard turns back no quicker
+_LATE_FACTOR = 1.5  # a late command acts late, and upon rates that were predicted as if it had acted
 _LEVEL = 1e-6  # sine of a tilt without direction
 
 
@@ -34,11 +35,13 @@ def tilt_guard(
     *,
     tilt_max_rad: float,
     rate_lag_s: float,
+    late_s: float = 0.0,
 ) -> Vec3:
     """Rates whose outward part would not carry the tilt across its limit; beyond the limit they turn back inward.
 
     Whatever the law says, the outward rate is at most (limit - tilt) / lag, where the tilt is the one that is reached
     when the rates of now have run out over the rate loop's lag: the limit is approached with critical damping.
+    ``late_s``: a delay beyond those that the prediction knows; the limit is approached more carefully by it.
     """
     sx, sy, sz = rotate_inverse(attitude_wb, (0.0, 0.0, 1.0))
     sine = hypot(sx, sy)
@@ -47,7 +50,7 @@ def tilt_guard(
     x, y, z = rates_frd_rad_s
     ox, oy = sy / sine, -sx / sine
     outward_now = max(rates_now_frd_rad_s[0] * ox + rates_now_frd_rad_s[1] * oy, 0.0)
-    room_rad = tilt_max_rad - atan2(sine, sz) - outward_now * rate_lag_s
+    room_rad = tilt_max_rad - atan2(sine, sz) - outward_now * (rate_lag_s + _LATE_FACTOR * max(late_s, 0.0))
     excess = x * ox + y * oy - room_rad / max(rate_lag_s, _LAG_MIN_S)
     if excess <= 0.0:
         return rates_frd_rad_s

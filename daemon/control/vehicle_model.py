@@ -3,13 +3,14 @@
 from dataclasses import replace
 from math import exp
 
-from daemon.control import drag, hover_thrust, observer, thrust_map
+from daemon.control import drag, hover_thrust, lateness, observer, thrust_map
 from daemon.control.drag import UNKNOWN, Drag
 from daemon.control.flatness import rotor_drag
+from daemon.control.lateness import IN_TIME, Lateness
 from daemon.control.observer import START, Observer
 from daemon.control.parameters import ControlParameters
 from daemon.frames import add, clamp, down_axis, norm, normalized, rotate_about_down, scale, tilt_of
-from daemon.messages import ZERO3, EstimatedState, Quat, Reset, Vec3
+from daemon.messages import ZERO3, EstimatedState, Quat, Reset, Setpoint, Vec3
 from daemon.values import value
 
 _MEMORY_S = 0.3  # commands that acted longer ago than this are forgotten
@@ -26,12 +27,13 @@ class VehicleModel:
     """
 
     hover_thrust: float
-    commands: tuple[tuple[float, float], ...] = ()
+    commands: tuple[tuple[float, Setpoint], ...] = ()
     thrust: float | None = None
     by_velocity: Observer = START
     by_position: Observer = START
     acceleration_ned_m_s2: Vec3 = ZERO3
     drag: Drag = UNKNOWN
+    lateness: Lateness = IN_TIME
 
     @property
     def disturbance_ned_m_s2(self) -> Vec3:
@@ -44,7 +46,7 @@ class VehicleModel:
         return scale(self.by_position.unexplained, -1.0)
 
 
-def commanded(model: VehicleModel, acts_s: float, thrust: float) -> VehicleModel:
+def commanded(model: VehicleModel, acts_s: float, setpoint: Setpoint) -> VehicleModel:
     """The model after a thrust command that acts at ``acts_s``."""
     commands = model.commands
     first, end = 0, len(commands)
@@ -52,7 +54,7 @@ def commanded(model: VehicleModel, acts_s: float, thrust: float) -> VehicleModel
         first += 1
     while first < end and commands[end - 1][0] >= acts_s:
         end -= 1
-    commands = (*commands[first:end], (acts_s, thrust))
+    commands = (*commands[first:end], (acts_s, setpoint))
     return VehicleModel(
         model.hover_thrust,
         commands,
@@ -61,6 +63,7 @@ def commanded(model: VehicleModel, acts_s: float, thrust: float) -> VehicleModel
         model.by_position,
         model.acceleration_ned_m_s2,
         model.drag,
+        model.lateness,
     )
 
 
@@ -86,7 +89,8 @@ def observed(
     )
     velocity_ned_m_s = add(estimate.velocity_ned_m_s, by_position.unexplained)
     attitude_wb = normalized(estimate.attitude_wb)
-    thrust = _lagged_thrust(model, time_s, dt_s, p)
+    acting = _acting(model, time_s)
+    thrust = _lagged_thrust(model, acting, dt_s, p)
     drag_1_s = drag.total(model.drag, p.drag_1_s)
     modelled = _acceleration(thrust, model.hover_thrust, attitude_wb, velocity_ned_m_s, drag_1_s, p)
     by_velocity = observer.update(
@@ -115,7 +119,11 @@ def observed(
             configured_1_s=p.drag_1_s,
             maximum_1_s=p.drag_max_1_s,
         )
-    return VehicleModel(hover, model.commands, thrust, by_velocity, by_position, expected, learned)
+    late = model.lateness
+    if acting is not None and dt_s <= observer.STEP_MAX_S:
+        commanded, measured = acting.rates_frd_rad_s[:2], estimate.rates_frd_rad_s[:2]
+        late = lateness.learn(late, commanded, measured, dt_s, lag_s=p.rate_lag_s[0])
+    return VehicleModel(hover, model.commands, thrust, by_velocity, by_position, expected, learned, late)
 
 
 def shifted(model: VehicleModel, reset: Reset) -> VehicleModel:
@@ -153,13 +161,17 @@ def _acceleration(
     return (x, y, z + p.gravity_m_s2)
 
 
-def _lagged_thrust(model: VehicleModel, time_s: float, dt_s: float, p: ControlParameters) -> float:
-    """The thrust command as the rotors have followed it until ``time_s``; hover thrust before the first command."""
-    acting = model.hover_thrust
-    for acts_s, thrust in reversed(model.commands):
+def _acting(model: VehicleModel, time_s: float) -> Setpoint | None:
+    """The newest command that acts at a time; None before the first."""
+    for acts_s, setpoint in reversed(model.commands):
         if acts_s <= time_s:
-            acting = thrust
-            break
+            return setpoint
+    return None
+
+
+def _lagged_thrust(model: VehicleModel, command: Setpoint | None, dt_s: float, p: ControlParameters) -> float:
+    """The thrust command as the rotors have followed it until ``time_s``; hover thrust before the first command."""
+    acting = model.hover_thrust if command is None else command.thrust
     if model.thrust is None or dt_s > observer.STEP_MAX_S or p.thrust_lag_s <= 0.0:
         return acting
     return acting + (model.thrust - acting) * exp(-dt_s / p.thrust_lag_s)

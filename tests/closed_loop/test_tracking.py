@@ -118,6 +118,16 @@ def test_far_reference_is_approached_at_a_bounded_speed() -> None:
     assert tilt_max_rad(samples) < DEFAULT.tilt_max_rad
 
 
+@pytest.mark.parametrize("more_steps", [5, 10], ids=["20 ms", "40 ms"])
+def test_tilt_stays_within_its_limit_with_a_delay_that_nobody_configured(more_steps: int) -> None:
+    def jump(t: float) -> Reference:
+        return Reference(t, (0.0 if t < 1.0 else 10.0, 0.0, -HOVER_HEIGHT_M))
+
+    samples = Flight(reference_at=jump, parameters=DEFAULT, uplink_steps=1 + more_steps).fly(8.0)
+    assert radians(30.0) < tilt_max_rad(samples) < DEFAULT.tilt_max_rad
+    assert samples[-1].record.late_s == pytest.approx(0.004 * more_steps, abs=0.015)
+
+
 def test_forty_milliseconds_more_delay() -> None:
     flight = Flight(reference_at=lemniscate(8.0), parameters=FAST, errors=RecordedErrors(), uplink_steps=11)
     samples = [s for s in flight.fly(lap_s(8.0)) if s.time_s > RUN_IN_S]

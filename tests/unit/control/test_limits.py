@@ -60,6 +60,22 @@ def test_guard_leaves_inward_rates_alone() -> None:
     assert guarded((-3.0, 0.5, 1.0), q) == (-3.0, 0.5, 1.0)
 
 
+@pytest.mark.parametrize("late_s", [0.02, 0.04, 0.06])
+def test_guarded_turn_of_a_late_vehicle_stops_at_the_limit_too(late_s: float) -> None:
+    """The command acts later than the guard believes: it sees the rate that there would be without the delay."""
+    dt, q, commanded = 0.001, frames.exp((0.0, 0.0, 0.0)), [0.0] * 2001
+    true = believed = largest = 0.0
+    for i in range(2000):
+        commanded[i] = limits.tilt_guard(
+            (3.8, 0.0, 0.0), q, (believed, 0.0, 0.0), tilt_max_rad=TILT, rate_lag_s=0.05, late_s=late_s
+        )[0]
+        believed += (commanded[i] - believed) * dt / 0.05
+        true += (commanded[max(i - round(late_s / dt), 0)] - true) * dt / 0.05
+        q = frames.integrate(q, (true, 0.0, 0.0), dt)
+        largest = max(largest, frames.tilt_of(q))
+    assert 0.9 * TILT < largest < TILT + 0.005
+
+
 def test_guarded_turn_with_the_lag_stops_at_the_limit() -> None:
     q, rate, dt = frames.from_rpy(0.1, 0.0, 0.5), 0.0, 0.001
     largest = 0.0

@@ -8,7 +8,7 @@ from daemon.control import vehicle_model
 from daemon.control.observer import Observer
 from daemon.control.parameters import ControlParameters
 from daemon.control.vehicle_model import VehicleModel
-from daemon.messages import IDENTITY, ZERO3, EstimatedState, Quat, Reset, Vec3
+from daemon.messages import IDENTITY, ZERO3, EstimatedState, Quat, Reset, Setpoint, Vec3
 
 P = ControlParameters(hover_thrust=0.5, thrust_lag_s=0.06)
 G = P.gravity_m_s2
@@ -17,6 +17,10 @@ DT = 0.01
 
 def sample(time_s: float, velocity: Vec3 = ZERO3, attitude: Quat = IDENTITY, position: Vec3 = ZERO3) -> EstimatedState:
     return EstimatedState(time_s, position, velocity, attitude, ZERO3)
+
+
+def thrust(value: float) -> Setpoint:
+    return Setpoint(ZERO3, value)
 
 
 def test_thrust_step_after_dead_time_and_lag_is_no_disturbance() -> None:
@@ -31,7 +35,7 @@ def test_thrust_step_after_dead_time_and_lag_is_no_disturbance() -> None:
         state = sample(t, (0.0, 0.0, speed), position=(0.0, 0.0, -G * 0.2 * fallen))
         model = vehicle_model.observed(model, state, P)
         # sent 30 ms before it acts: the newest commands are not yet in force
-        model = vehicle_model.commanded(model, t + 0.03, 0.6 if t + 0.03 >= 0.5 - 1e-9 else 0.5)
+        model = vehicle_model.commanded(model, t + 0.03, thrust(0.6 if t + 0.03 >= 0.5 - 1e-9 else 0.5))
         largest = max(largest, abs(model.disturbance_ned_m_s2[2]))
     assert largest < 0.12
 
@@ -42,7 +46,7 @@ def test_hover_thrust_is_learned_near_level_only(tilt_deg: float, learns: bool) 
     model = VehicleModel(hover_thrust=0.5)
     for i in range(200):  # thrust above hover, and yet it does not climb
         model = vehicle_model.observed(model, sample(i * DT, attitude=attitude), P)
-        model = vehicle_model.commanded(model, i * DT, 0.7)
+        model = vehicle_model.commanded(model, i * DT, thrust(0.7))
     assert (model.hover_thrust > 0.52) is learns
     assert model.disturbance_ned_m_s2[2] > 0.5
 
@@ -52,7 +56,7 @@ def test_bias_of_the_velocity_is_not_taken_for_drag() -> None:
     model = VehicleModel(hover_thrust=0.5)
     for i in range(500):  # the position stands still: the velocity is wrong
         model = vehicle_model.observed(model, sample(i * DT, (0.8, 0.0, 0.0)), p)
-        model = vehicle_model.commanded(model, i * DT, 0.5)
+        model = vehicle_model.commanded(model, i * DT, thrust(0.5))
     assert model.velocity_bias_ned_m_s == pytest.approx((0.8, 0.0, 0.0), abs=0.01)
     assert model.disturbance_ned_m_s2 == pytest.approx(ZERO3, abs=0.02)
 
@@ -72,11 +76,11 @@ def test_sample_that_is_not_newer_changes_nothing() -> None:
 def test_old_commands_are_forgotten_and_overtaken_ones_dropped() -> None:
     model = VehicleModel(hover_thrust=0.5)
     for i in range(500):
-        model = vehicle_model.commanded(model, i * DT, 0.5)
+        model = vehicle_model.commanded(model, i * DT, thrust(0.5))
     assert 25 <= len(model.commands) <= 31
-    model = vehicle_model.commanded(model, 4.9, 0.6)
+    model = vehicle_model.commanded(model, 4.9, thrust(0.6))
     times = [acts_s for acts_s, _ in model.commands]
-    assert times == sorted(times) and times[-1] == 4.9 and model.commands[-1][1] == 0.6
+    assert times == sorted(times) and times[-1] == 4.9 and model.commands[-1][1].thrust == 0.6
 
 
 @pytest.mark.parametrize(("pitch", "roll"), [(0.2, 0.0), (0.0, 0.2), (0.15, -0.1)])
@@ -111,7 +115,7 @@ def test_a_lean_shows_no_wind_while_the_estimate_of_it_is_off_or_later_on() -> N
 def with_commands(*commands: tuple[float, float]) -> VehicleModel:
     model = vehicle_model.observed(VehicleModel(hover_thrust=0.5), sample(0.0), P)
     for acts_s, thrust in commands:
-        model = vehicle_model.commanded(model, acts_s, thrust)
+        model = vehicle_model.commanded(model, acts_s, Setpoint(ZERO3, thrust))
     return model
 
 
@@ -146,7 +150,7 @@ def test_hover_thrust_stays_that_of_a_vehicle_that_flies(commanded: float, edge:
     model = VehicleModel(hover_thrust=commanded)
     for i in range(400):
         model = vehicle_model.observed(model, sample(i * DT), p)
-        model = vehicle_model.commanded(model, i * DT, 0.01 if edge < 0.5 else 1.0)
+        model = vehicle_model.commanded(model, i * DT, thrust(0.01 if edge < 0.5 else 1.0))
     assert model.hover_thrust == pytest.approx(edge, abs=1e-9)
 
 
