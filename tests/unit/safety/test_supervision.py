@@ -523,3 +523,139 @@ def test_an_estimate_that_contradicts_itself_for_a_moment_is_flown() -> None:
     rig.tick(90)
     rig.set(innovation=0.5).tick(100)
     assert rig.supervision.state is State.TRACKING
+
+
+def test_a_release_from_an_engage_waits_until_the_offboard_that_was_asked_for_cannot_come_any_more() -> None:
+    rig = engaging()
+    while not rig.asked:
+        rig.tick()
+    offboard_s = rig.now_s
+    rig.tick(4)
+    rig.ask(RequestKind.HOLD)
+    assert rig.tick() is State.RELEASING
+    while rig.tick() is State.RELEASING:
+        assert rig.now_s - offboard_s < 0.3
+    assert rig.supervision.state is State.READY
+    assert rig.now_s - offboard_s == pytest.approx(0.2, abs=0.015)
+
+
+def test_a_release_before_offboard_was_asked_for_ends_in_the_hold_that_is_flown() -> None:
+    rig = engaging()
+    rig.tick(5)
+    assert rig.asked == []
+    rig.ask(RequestKind.HOLD)
+    assert rig.tick() is State.RELEASING
+    assert rig.tick() is State.READY
+
+
+def test_a_landing_asked_for_while_engaging_has_two_tenths_to_begin() -> None:
+    rig = engaging()
+    rig.tick(5)
+    rig.ask(RequestKind.LAND)
+    assert rig.tick() is State.RELEASING
+    since = rig.now_s
+    assert [mode for _, mode in rig.asked] == [FlightMode.LAND]
+    while rig.tick() is State.RELEASING:
+        assert rig.now_s - since < 0.3
+    assert rig.supervision.state is State.READY
+    assert rig.now_s - since == pytest.approx(0.2, abs=0.015)
+    rig.status(IN_HOLD, mode=FlightMode.LAND, intended_mode=FlightMode.LAND)
+    assert rig.tick() is State.LANDING, "it came after all"
+    assert rig.supervision.reason == "requested"
+
+
+def test_an_offboard_that_comes_while_the_engage_is_given_up_is_answered_by_hold() -> None:
+    rig = engaging()
+    rig.tick(210)
+    assert rig.supervision.state is State.READY
+    assert rig.asked[-1][1] is FlightMode.HOLD
+    assert rig.supervision.asked_mode is FlightMode.HOLD
+
+
+def test_a_stale_heartbeat_does_not_tell_who_has_the_vehicle_long_after_the_start_either() -> None:
+    rig = tracking()
+    rig.now_s += 50.0
+    rig.tick()
+    rig.status(IN_OFFBOARD, heartbeat_s=rig.now_s).set(latched=True)
+    assert rig.tick() is State.FAULT
+    rig.status(IN_OFFBOARD, heartbeat_s=rig.supervision.since_s + 0.2)
+    rig.tick(50)
+    assert rig.asked == []
+    rig.status(IN_OFFBOARD, heartbeat_s=rig.supervision.since_s + 0.31)
+    rig.tick(50)
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD]
+
+
+def test_the_first_request_counts_whatever_its_serial() -> None:
+    for serial in (1, 7, -1):
+        rig = Rig().status(IN_HOLD)
+        rig.tick()
+        rig.request = VehicleRequest(serial, RequestKind.HOLD)
+        rig.tick()
+        assert [mode for _, mode in rig.asked] == [FlightMode.HOLD]
+        assert rig.tick() is State.READY
+
+
+def test_a_request_is_answered_once() -> None:
+    rig = Rig().status(IN_HOLD, mode=FlightMode.MISSION, intended_mode=FlightMode.MISSION)
+    rig.tick()
+    rig.ask(RequestKind.LAND)
+    rig.tick(100)
+    assert [mode for _, mode in rig.asked] == [FlightMode.LAND]
+
+
+def test_nothing_is_asked_of_an_autopilot_that_is_not_heard() -> None:
+    rig = Rig().status(IN_HOLD, connected=False)
+    rig.ask(RequestKind.LAND)
+    rig.tick(5)
+    rig.status(IN_HOLD)
+    assert rig.tick(5) is State.PILOT
+    assert rig.asked == []
+
+
+def test_a_take_off_is_commanded_by_whoever_asks_for_it() -> None:
+    rig = Rig()
+    rig.tick()
+    rig.ask(RequestKind.TAKEOFF)
+    rig.tick(10)
+    assert rig.asked == []
+    assert rig.supervision.asked_mode is FlightMode.TAKEOFF
+
+
+def test_a_landing_of_a_vehicle_on_the_ground_may_be_asked_for_in_a_pilots_mode() -> None:
+    rig = Rig().status(ON_GROUND, mode=FlightMode.POSITION, intended_mode=FlightMode.POSITION)
+    rig.tick()
+    rig.ask(RequestKind.HOLD)
+    rig.tick()
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD]
+
+
+def test_a_flight_is_given_back_for_the_reason_that_ended_it_whatever_follows() -> None:
+    rig = tracking().set(truth_returned=True)
+    assert rig.tick() is State.RELEASING
+    rig.set(truth_returned=False).status(IN_HOLD)
+    assert rig.tick() is State.READY
+    rig.status(IN_HOLD, mode=FlightMode.POSITION, intended_mode=FlightMode.POSITION)
+    assert rig.tick() is State.PILOT
+    assert (rig.supervision.left, rig.supervision.reason) == ("position_reset", "pilot_override")
+
+
+@pytest.mark.parametrize(
+    ("changes", "drive"),
+    [
+        ({}, Drive.LAW),
+        ({"state_usable": False}, Drive.LEVEL),
+        ({"estimate_poor": True}, Drive.LEVEL),
+        ({"attitude_disagrees": True}, Drive.LEVEL),
+        ({"release_levels": True}, Drive.LEVEL),
+    ],
+)
+def test_while_releasing_only_a_trusted_estimate_is_flown(changes: dict[str, bool], drive: Drive) -> None:
+    conditions = replace(Conditions(state_usable=True), **changes)
+    assert safety.drive(Supervision(state=State.RELEASING), conditions) is drive
+    for state in (State.HOLDING, State.TRACKING):
+        expected = Drive.LEVEL if "state_usable" in changes else Drive.LAW
+        assert safety.drive(Supervision(state=state), conditions) is expected
+    assert safety.drive(Supervision(state=State.ENGAGING), conditions) is Drive.MATCH
+    for state in set(State) - OURS:
+        assert safety.drive(Supervision(state=state), conditions) is Drive.SILENT
