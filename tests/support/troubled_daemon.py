@@ -1,7 +1,8 @@
 """``flightd run`` that gets into trouble on request: ``python troubled_daemon.py CONNECTION SOCKET [CONFIG]``.
 
 SIGUSR1 begins what $TROUBLE names: ``loop_blocked`` and ``interpreter_held`` last $BLOCK_S seconds, ``disk_full`` and
-``read_only`` stay. While setpoints leave, calls that wait on the loop's thread are logged as ``blocking_call``.
+``read_only`` stay, ``reads_file`` reads files in the loop. While setpoints leave, calls that wait on the loop's thread
+are logged as ``blocking_call``.
 """
 
 import asyncio
@@ -16,7 +17,7 @@ from typing import Any
 
 import blocking_calls
 
-from daemon import app, logs
+from daemon import app, config, logs
 from daemon.loops.vehicle import Vehicle
 from daemon.pipeline import Inputs, Record
 
@@ -59,12 +60,17 @@ def _swap_record(by: int) -> None:
             os.dup2(by, int(entry.name))
 
 
+def _reads_file() -> None:
+    config.load([])
+
+
 TROUBLES = {
     "": lambda: None,
     "loop_blocked": _loop_blocked,
     "interpreter_held": _interpreter_held,
     "disk_full": _disk_full,
     "read_only": _read_only,
+    "reads_file": _reads_file,
 }
 
 
