@@ -36,8 +36,11 @@ from daemon.goals.turns import Turnstile
 
 log = structlog.get_logger(__name__)
 
+MAX_BATCHES = 64
+MAX_GOALS_WAITING = 64
 LONG_S = 0.005
 REST = 3.0
+BUSY = "too many of these wait to be done; try again when some are"
 INTERNAL = "something went wrong inside the daemon; its log says what"
 
 
@@ -50,6 +53,7 @@ class Dispatcher:
         self._turn = turn
         self._tasks: set[asyncio.Task[None]] = set()
         self._turnstile = Turnstile()
+        self._batches = 0
 
     def handle(self, session: Session, line: bytes) -> None:
         """Start what a line asks for; the reply follows when it is done."""
@@ -57,6 +61,9 @@ class Dispatcher:
             messages, batch = parse(line)
         except ProtocolError as error:
             session.send(encode_error(None, error), essential=True)
+            return
+        if batch and self._batches >= MAX_BATCHES:
+            session.send(encode_error(None, ProtocolError(ErrorCode.WRONG_STATE, BUSY)), essential=True)
             return
         if batch:
             self._start(session, self._answer_batch(session, messages))
@@ -114,6 +121,18 @@ class Dispatcher:
             self._hub.goal_answered(goal_id)
 
     async def _answer_batch(self, session: Session, messages: list[Any]) -> None:
+        self._batches += 1
+        try:
+            replies, goal_ids = await self._replies(session, messages)
+        finally:
+            self._batches -= 1
+        if replies:
+            session.send(encode_batch(replies), essential=True)
+        for goal_id in goal_ids:
+            self._hub.goal_answered(goal_id)
+
+    async def _replies(self, session: Session, messages: list[Any]) -> tuple[list[bytes], list[str]]:
+        """Replies to the messages of a batch, and the ids of the goals that it submitted."""
         replies: list[bytes] = []
         goal_ids: list[str] = []
         for message in messages:
@@ -125,10 +144,7 @@ class Dispatcher:
                 goal_ids += [goal_id] if goal_id is not None else []
             elif (refusal := self._answer_now(session, item)) is not None:
                 replies.append(refusal)
-        if replies:
-            session.send(encode_batch(replies), essential=True)
-        for goal_id in goal_ids:
-            self._hub.goal_answered(goal_id)
+        return replies, goal_ids
 
     async def _call(self, session: Session, call: Call) -> tuple[bytes, str | None]:
         """Reply of one request, and the id of the goal that it submitted."""
@@ -165,6 +181,8 @@ class Dispatcher:
     async def _in_order(self, caller: Caller, work: Callable[[], Awaitable[Mapping[str, Any]]]) -> Mapping[str, Any]:
         """One goal at a time: the last to come is the last to be flown, and few are checked in threads at once."""
         loop = asyncio.get_running_loop()
+        if self._turnstile.count(caller.uid, caller.pid) >= MAX_GOALS_WAITING:
+            raise ProtocolError(ErrorCode.WRONG_STATE, BUSY)
         await self._turnstile.enter(caller.uid, caller.pid)
         begun_s = loop.time()
         try:

@@ -18,6 +18,7 @@ from daemon.goals.schema import Params
 
 MAX_BATCH = 100
 MAX_VALUES = 1000
+MAX_BATCH_VALUES = 5000
 EXPLAINED = 20
 MAX_ID_CHARS = 256
 SHOWN_CHARS = 64
@@ -64,6 +65,8 @@ def parse(line: bytes) -> tuple[list[Any], bool]:
         raise ProtocolError(ErrorCode.INVALID_REQUEST, "the batch is empty")
     if len(message) > MAX_BATCH:
         raise ProtocolError(ErrorCode.INVALID_REQUEST, f"a batch has at most {MAX_BATCH} messages, not {len(message)}")
+    if _values(message, MAX_BATCH_VALUES) > MAX_BATCH_VALUES:
+        raise ProtocolError(ErrorCode.INVALID_REQUEST, f"the batch has more than {MAX_BATCH_VALUES} values")
     return message, True
 
 
@@ -121,7 +124,7 @@ def _params_of(method: Method, params: Any) -> Params:
         params = {}
     if not isinstance(params, dict):
         raise ProtocolError(ErrorCode.INVALID_PARAMS, f"must be an object, not {_kind(params)}", "params")
-    if _values(params) > MAX_VALUES:  # each could be a mistake, and each mistake costs time
+    if _values(params, MAX_VALUES) > MAX_VALUES:  # each could be a mistake, and each mistake costs time
         raise ProtocolError(ErrorCode.INVALID_PARAMS, f"has more than {MAX_VALUES} values", "params")
     try:
         return method.params.model_validate(params)
@@ -130,15 +133,15 @@ def _params_of(method: Method, params: Any) -> Params:
     raise min(found, key=lambda e: e.code)
 
 
-def _values(params: dict[str, Any]) -> int:
-    """How many values there are, those inside of others too; counts no further than the limit."""
+def _values(given: dict[str, Any] | list[Any], most: int) -> int:
+    """How many values there are, those inside of others too; counts no further than ``most``."""
     count = 0
-    left: list[Any] = [params]
-    while left and count <= MAX_VALUES:
+    left: list[Any] = [given]
+    while left and count <= most:
         value = left.pop()
         inner = value.values() if isinstance(value, dict) else value
         count += len(inner)
-        left += [item for item in inner if isinstance(item, dict | list)] if count <= MAX_VALUES else []
+        left += [item for item in inner if isinstance(item, dict | list)] if count <= most else []
     return count
 
 

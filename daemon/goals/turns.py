@@ -20,6 +20,10 @@ class Turns(Generic[T]):
         """Add an item of a process of a user."""
         self._users.setdefault(uid, {}).setdefault(pid, deque()).append(item)
 
+    def count(self, uid: int, pid: int) -> int:
+        """How many items of a process wait."""
+        return len(self._users.get(uid, {}).get(pid, ()))
+
     def take(self) -> T:
         """Remove and return the next. Raises `StopIteration` when there is none: look first."""
         uid = next(iter(self._users))
@@ -48,6 +52,10 @@ class Turnstile:
             self._waiting.put(uid, pid, come)
             await come
         self._busy = True
+
+    def count(self, uid: int, pid: int) -> int:
+        """How many of a process wait."""
+        return self._waiting.count(uid, pid)
 
     def leave(self) -> None:
         """Let the next one in."""

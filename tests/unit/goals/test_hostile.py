@@ -167,3 +167,40 @@ async def test_goal_that_fails_in_the_daemon_lets_the_next_one_in(path):
     async with serving(path), connected(path) as (_, _, ask):
         assert (await ask(request("goal.submit", {"waypoint": {"position": [0, 0, -13]}})))["error"]["code"] == -32603
         assert "result" in await ask(request("goal.submit", {"waypoint": WAYPOINT}))
+
+
+async def test_goals_that_pile_up_are_refused(path):
+    async with serving(path) as daemon, connected(path):
+        submit, gate = daemon.goal_submit, asyncio.Event()
+
+        async def slow(params, caller, goal_id):
+            await gate.wait()
+            return await submit(params, caller, goal_id)
+
+        daemon.goal_submit = slow
+        line = json.dumps(request("goal.submit", {"waypoint": WAYPOINT})).encode() + b"\n"
+        many = [await asyncio.open_unix_connection(str(path)) for _ in range(3)]
+        for _, writer in many:
+            writer.write(line * 32)
+        first = asyncio.wait(
+            [asyncio.ensure_future(reader.readline()) for reader, _ in many], return_when="FIRST_COMPLETED"
+        )
+        refused = json.loads(next(iter((await first)[0])).result())
+        assert refused["error"]["code"] == ErrorCode.WRONG_STATE and "try again" in refused["error"]["message"]
+        gate.set()
+        for _, writer in many:
+            writer.transport.abort()
+
+
+async def test_batches_that_pile_up_are_refused(path, monkeypatch):
+    monkeypatch.setattr("daemon.goals.dispatch.MAX_BATCHES", 2)
+    async with serving(path) as daemon, connected(path) as (_, writer, ask):
+        for _ in range(2):
+            writer.write(json.dumps([request("vehicle.takeoff", {"altitude_m": 99.0})]).encode() + b"\n")
+        refused = await ask([request("system.info")])
+        assert refused["error"]["code"] == ErrorCode.WRONG_STATE
+        daemon.release.set()
+        for _ in range(2):
+            assert "result" in (await ask(b""))[0]
+        assert "result" in (await ask([request("system.info")]))[0]
+        assert "5000 values" in (await ask([{"a": [[]] * 6000}]))["error"]["message"]
