@@ -1,6 +1,6 @@
 """Each condition on its own: its bound, its time, its hysteresis, and what the autopilot's words mean."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from math import cos, inf, nan, radians, sin
 from pathlib import Path
 
@@ -251,3 +251,10 @@ def test_the_bounds_and_times_are_those_of_the_default_configuration() -> None:
     assert timing.level_after_s == safety["dead_man_level_s"]
     assert timing.latch_after_s == safety["dead_man_latch_s"]
     assert timing.clock_gap_s == safety["clock_gap_s"]
+
+
+def test_what_nobody_said_is_not_so_but_an_estimate_that_nobody_gave_is_lost() -> None:
+    nothing = Conditions()
+    assert [f.name for f in fields(nothing) if getattr(nothing, f.name)] == ["estimate_lost"]
+    assert Facts(FLYING) == Facts(FLYING, None, inf, 0.0, False, 0.0, 0.0, False, False, False)
+    assert Lasting() == Lasting(inf, False)
