@@ -26,7 +26,7 @@ from cosmic_ray import ast, mutating, plugins
 from hypothesis import Phase, settings
 
 FURTHER_TESTS = {
-    "daemon/safety": [f"tests/unit/safety/test_{name}.py" for name in ("geofence", "dead_man", "supervision")],
+    "daemon/safety": [f"tests/unit/safety/test_{name}.py" for name in ("conditions", "dead_man", "supervision")],
     "daemon/control": ["tests/unit/control/test_controller.py"],
     "daemon/frames.py": ["tests/unit/control/test_controller.py"],
     "daemon/pipeline.py": ["tests/replay", "tests/closed_loop/test_first_flight.py"],
