@@ -21,7 +21,8 @@ class Stream:
 
 STREAMS: tuple[Stream, ...] = (
     Stream("ODOMETRY", 331, 100.0, least_hz=60.0),
-    Stream("HIGHRES_IMU", 105, 100.0, least_hz=60.0),
+    # For the cross-check of the tilt alone, which at 100 Hz would see the same (largest difference 7.3 deg, 8.2 at 50).
+    Stream("HIGHRES_IMU", 105, 50.0, least_hz=30.0),
     # Sent within 60 ms of a change when asked for at 20 Hz, else at 2 Hz (measured).
     Stream("CURRENT_MODE", 436, 20.0, once=True),
     Stream("EXTENDED_SYS_STATE", 245, 10.0, least_hz=3.0),

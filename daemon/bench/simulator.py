@@ -35,7 +35,7 @@ _CORNERS = ((8.0, 0.0, -5.0), (8.0, 8.0, -7.0), (0.0, 8.0, -6.0), (0.0, 0.0, -5.
 _LEG_S = 4.0
 _CALLER = Caller(connection=1, pid=os.getpid(), uid=os.getuid(), operator=True)
 _HOST = "127.0.0.1"
-_STREAMS = {331: 10_000.0, 105: 10_000.0}  # ODOMETRY and HIGHRES_IMU at 100 Hz, in microseconds
+_STREAMS = {331: 10_000.0, 105: 20_000.0}  # ODOMETRY and HIGHRES_IMU as the daemon asks for them, in microseconds
 _START_S = 30.0
 
 
@@ -97,7 +97,7 @@ class _Nobody:
 
 
 def _vehicle_alone(seconds: float, seed: int) -> float:
-    """CPU seconds of the simulated PX4 itself, in Offboard with 100 Hz of ODOMETRY, HIGHRES_IMU and setpoints."""
+    """CPU seconds of the simulated PX4 itself, in Offboard with the streams that the daemon asks for and 100 Hz of setpoints."""
     px4 = SimulatedPx4(airframe=load_airframe("sih"), seed=seed)
     px4.start_in_air(5.0)
     for name, fields in _requests():

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from math import exp, hypot, inf
 
-from daemon.frames import is_finite, normalized, rotate
+from daemon.frames import is_finite, rotate
 from daemon.messages import MavFrame, Odometry, Quat, Vec3
 from daemon.values import value
 
@@ -77,11 +77,13 @@ def read(odometry: Odometry, *, parameters: GateParameters) -> Sample | Refusal:
     total = sum(position) + sum(velocity) + sum(attitude) + sum(rates) + odometry.arrival_s
     if total - total != 0.0 and not is_finite((*position, *velocity, *attitude, *rates, odometry.arrival_s)):
         return Refusal.NOT_FINITE
-    if not abs(hypot(*attitude) - 1.0) <= parameters.quaternion_norm_tolerance:
+    length = hypot(*attitude)
+    if not abs(length - 1.0) <= parameters.quaternion_norm_tolerance:
         return Refusal.QUATERNION_NORM
     if odometry.frame_id != MavFrame.LOCAL_NED:
         return Refusal.UNKNOWN_FRAME
-    attitude = normalized(attitude)
+    w, x, y, z = attitude
+    attitude = (w / length, x / length, y / length, z / length)
     child = odometry.child_frame_id
     if child == MavFrame.BODY_FRD:
         velocity = rotate(attitude, velocity)

@@ -113,7 +113,7 @@ class Metronome:
         gap = sum(self._gaps) / len(self._gaps)
         due: list[tuple[float, tuple[float, ...], Callable[[], None]]] = [
             (start_s, self._gaps, self._send_odometry),
-            (start_s + 0.5 * gap, (gap,), self._send_imu),
+            (start_s + 0.5 * gap, (2.0 * gap,), self._send_imu),
             (start_s, (0.5,), self._send_mode),
             (start_s + 0.0033, (0.2,), self._send_rest),
         ]

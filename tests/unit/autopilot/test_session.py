@@ -286,7 +286,7 @@ def test_streams_that_come_too_slowly_are_named_and_asked_for_again(session: Px4
     for tick in range(220):
         now_s = 0.01 * tick
         session.receive("ODOMETRY", odometry(1000 + tick * 10_000), now_s)
-        session.receive("HIGHRES_IMU", imu(tick * 10_000), now_s) if tick % 2 == 0 else None
+        session.receive("HIGHRES_IMU", imu(tick * 10_000), now_s) if tick % 4 == 0 else None
         if tick % 20 == 0:
             session.receive("EXTENDED_SYS_STATE", {"landed_state": 1}, now_s)
             session.receive("SYS_STATUS", {"battery_remaining": 100}, now_s)
