@@ -15,6 +15,7 @@ from support.processes import troubled_daemon, until
 HOLD, RETURN, OFFBOARD = FlightMode.HOLD, FlightMode.RETURN, FlightMode.OFFBOARD
 FLOODER = Path(__file__).parent / "flooder.py"
 FLOODERS = 4
+LAST_RATE_DEG = 90.0  # tilt: nobody can level the vehicle, and the autopilot keeps the last rate until its failsafe
 
 
 def _struck_for(seconds: float) -> Callable[[Scene], Awaitable[None]]:
@@ -136,7 +137,7 @@ CASES: tuple[LiveCase, ...] = (
         modes=(RETURN,),
         outcomes=("aborted",),
         silent_s=0.4,
-        tilt_deg=60.0,
+        tilt_deg=LAST_RATE_DEG,
         starves=True,
     ),
     LiveCase(
@@ -147,6 +148,7 @@ CASES: tuple[LiveCase, ...] = (
         modes=(FlightMode.POSITION,),
         outcomes=("aborted",),
         silent_s=0.4,
+        tilt_deg=LAST_RATE_DEG,
         starves=True,
     ),
     LiveCase(
@@ -157,6 +159,7 @@ CASES: tuple[LiveCase, ...] = (
         modes=(RETURN,),
         outcomes=("-",),
         silent_s=0.4,
+        tilt_deg=LAST_RATE_DEG,
         exits=-signal.SIGKILL,
     ),
     LiveCase(
