@@ -97,7 +97,7 @@ class _Nobody:
 
 
 def _vehicle_alone(seconds: float, seed: int) -> float:
-    """CPU seconds of the simulated PX4 itself, in Offboard with the streams that the daemon asks for and 100 Hz of setpoints."""
+    """CPU seconds of the simulated PX4 itself, in Offboard with the daemon's streams and 100 Hz of setpoints."""
     px4 = SimulatedPx4(airframe=load_airframe("sih"), seed=seed)
     px4.start_in_air(5.0)
     for name, fields in _requests():
