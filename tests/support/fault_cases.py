@@ -1,9 +1,10 @@
 """The fault matrix as data: each a fault and the response to it."""
 
 from contextlib import ExitStack
+from dataclasses import dataclass
 from typing import Any
 
-from daemon.autopilot.px4 import command_long
+from daemon.autopilot.px4 import Fields, command_long
 from daemon.messages import FlightMode
 from daemon.safety.supervisor import State
 from daemon.sim.faults import (
@@ -21,6 +22,7 @@ from daemon.sim.faults import (
     Payload,
     PilotTakesOver,
     Reboot,
+    SpoiltTelemetry,
     StoppedTelemetry,
     WindGust,
 )
@@ -29,6 +31,15 @@ from support.fault_matrix import Case, Start
 from support.flight import Flight
 
 HOLD = FlightMode.HOLD
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BackwardsTelemetry(SpoiltTelemetry):
+    """The stamps of the messages count down."""
+
+    def spoil(self, fields: Fields, first: Fields) -> Fields | None:
+        """As old as the message is new."""
+        return fields | {"time_usec": 2 * first["time_usec"] - fields["time_usec"]}
 
 
 def _handed_over(left: str, within_s: float, **more: Any) -> dict[str, Any]:
@@ -53,6 +64,8 @@ def _odometry() -> list[Case]:
         Case(name="odometry is NaN", faults=(NanTelemetry(),), **lost),
         Case(name="odometry frozen, stamps advance", faults=(FrozenTelemetry(),), **lost),
         Case(name="odometry frozen, stamps too", faults=(FrozenTelemetry(stamps_advance=False),), **lost),
+        Case(name="odometry counts backwards for 0.1 s", faults=(BackwardsTelemetry(duration_s=0.1),)),
+        Case(name="odometry counts backwards", faults=(BackwardsTelemetry(),), **lost),
         Case(name="stamps jump 0.3 s back", faults=(ClockStep(step_s=-0.3),)),
         Case(name="stamps jump 5 s back", faults=(ClockStep(step_s=-5.0),)),
         Case(name="stamps jump 1 s ahead", faults=(ClockStep(step_s=1.0),)),
