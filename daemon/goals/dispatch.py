@@ -38,7 +38,7 @@ log = structlog.get_logger(__name__)
 
 MAX_BATCHES = 64
 MAX_GOALS_WAITING = 64
-LONG_S = 0.005
+LONG_S = 0.001
 REST = 3.0
 BUSY = "too many of these wait to be done; try again when some are"
 INTERNAL = "something went wrong inside the daemon; its log says what"
@@ -151,14 +151,14 @@ class Dispatcher:
         goal_id = self._hub.new_goal(session) if isinstance(call.params, GoalSubmit) else None
         try:
             return encode_result(call.id, await self._result(session, call, goal_id)), goal_id
-        except ProtocolError as caught:
-            error = caught
+        except ProtocolError as error:  # not kept in a name that outlives it: that would be a cycle, garbage
+            reply = encode_error(call.id, error)
         except Exception:
             log.exception("request_failed", method=call.method.name)
-            error = ProtocolError(ErrorCode.INTERNAL, INTERNAL)
+            reply = encode_error(call.id, ProtocolError(ErrorCode.INTERNAL, INTERNAL))
         if goal_id is not None:
             self._hub.goal_refused(goal_id)
-        return encode_error(call.id, error), None
+        return reply, None
 
     async def _result(self, session: Session, call: Call, goal_id: str | None) -> Mapping[str, Any]:
         caller = session.caller

@@ -85,6 +85,7 @@ def interpret(message: Any, *, operator: bool) -> Call | Refusal:
             raise ProtocolError(ErrorCode.NOT_PERMITTED, f"{method.name}: {reason}")
         return Call(reply_id, method, _params_of(method, message.get("params")))
     except ProtocolError as error:
+        error.__traceback__ = None  # it would keep what it was raised from alive, as garbage
         return Refusal(reply_id, error, reply=not silent)
 
 

@@ -1,6 +1,7 @@
 """Attempts to break the socket with what a client may send."""
 
 import asyncio
+import gc
 import json
 import time
 from contextlib import asynccontextmanager
@@ -204,3 +205,31 @@ async def test_batches_that_pile_up_are_refused(path, monkeypatch):
             assert "result" in (await ask(b""))[0]
         assert "result" in (await ask([request("system.info")]))[0]
         assert "5000 values" in (await ask([{"a": [[]] * 6000}]))["error"]["message"]
+
+
+ASKED = {
+    "answered": request("status.get"),
+    "refused": request("goal.submit", {"waypoint": {"position": [0, 0, -5000]}}),
+    "invalid": request("goal.submit", {"path": {"waypoints": [{}] * 40}}),
+    "unknown": request("goal.fly"),
+    "not a request": {},
+    "not JSON": b"[1, 2\n",
+    "batch": [request("goal.get", {"goal_id": "x"}), request("goal.fly")],
+}
+
+
+@pytest.mark.parametrize("name", ASKED)
+async def test_a_request_leaves_nothing_to_the_garbage_collector(path, name):
+    """Which runs once in a while only: what a flood leaves behind would fill the memory until then."""
+    async with serving(path), connected(path) as (_, _, ask):
+        for _ in range(5):
+            await ask(ASKED[name])
+        gc.collect()
+        gc.disable()
+        try:
+            for _ in range(50):
+                await ask(ASKED[name])
+            left = gc.collect()
+        finally:
+            gc.enable()
+        assert left < 50
