@@ -6,7 +6,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import pytest
 from support.air import HEIGHT_M, PATIENCE_S, Air, air, take
+from support.fault_live import ATTEMPTS
 from support.processes import Child, troubled_daemon
 
 from daemon.goals.client import FlightClient
@@ -58,17 +60,32 @@ def waits(child: Child) -> list[str]:
     return [str(event["call"]) for event in child.events() if event.get("event") == "blocking_call"]
 
 
-async def test_nothing_waits_on_the_loop_whatever_is_flown(tmp_path: Path) -> None:
-    environ = {"STATE_DIRECTORY": str(tmp_path)}
-    async with air() as seen, troubled_daemon(tmp_path, seen.connection, environ=environ) as child:
+async def fly_everything(folder: Path) -> Child:
+    folder.mkdir()
+    environ = {"STATE_DIRECTORY": str(folder)}
+    async with air() as seen, troubled_daemon(folder, seen.connection, environ=environ) as child:
         assert child.socket is not None
         async with FlightClient(child.socket) as flight:
             await take(flight, seen)
             listening = asyncio.ensure_future(listens(flight))
-            await every_kind(flight, seen)
-            listening.cancel()
-            await asyncio.gather(listening, return_exceptions=True)
-    assert waits(child) == []
+            try:
+                await every_kind(flight, seen)
+            except RequestError:
+                if "control_stalled" not in child.log_file.read_text():
+                    raise
+            finally:
+                listening.cancel()
+                await asyncio.gather(listening, return_exceptions=True)
+    return child
+
+
+async def test_nothing_waits_on_the_loop_whatever_is_flown(tmp_path: Path) -> None:
+    for attempt in range(ATTEMPTS):  # a machine that stands still takes the vehicle from us before everything was flown
+        child = await fly_everything(tmp_path / str(attempt))
+        assert waits(child) == []
+        if "control_stalled" not in child.log_file.read_text():
+            return
+    pytest.fail("the machine stands still too often")
 
 
 async def test_a_call_that_waits_is_found_in_the_process(tmp_path: Path) -> None:
