@@ -659,3 +659,17 @@ def test_while_releasing_only_a_trusted_estimate_is_flown(changes: dict[str, boo
     assert safety.drive(Supervision(state=State.ENGAGING), conditions) is Drive.MATCH
     for state in set(State) - OURS:
         assert safety.drive(Supervision(state=state), conditions) is Drive.SILENT
+
+
+def test_a_hold_that_was_given_for_another_reason_than_the_fence_is_left_alone_beyond_it() -> None:
+    rig = tracking()
+    rig.bounds = Bounds(fence=Geofence(ceiling_m=120.0, hard_margin_m=5.0), fence_beyond=FlightMode.LAND)
+    rig.set(position_variance_m2=9.0)
+    assert rig.tick() is State.RELEASING
+    assert rig.supervision.left == "estimate_poor"
+    rig.status(IN_HOLD)
+    assert rig.tick() is State.READY
+    rig.asked.clear()
+    rig.set(state=vehicle_at((0.0, 0.0, -140.0)))
+    rig.tick(400)
+    assert rig.asked == []
