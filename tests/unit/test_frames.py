@@ -132,6 +132,13 @@ def test_constant_rates_turn_about_the_body_axes(q: Quat, rates: Vec3, dt_s: flo
     assert same_rotation(turned, quat(rotation_of(q) * Rotation.from_rotvec(np.multiply(rates, dt_s))))
 
 
+def test_the_smallest_turn_is_half_of_it_in_the_quaternion() -> None:
+    """A vector part of half the angle, below and above the angle at which the formula changes."""
+    for angle in (1e-9, 0.9e-6, 1.1e-6):
+        turned = frames.integrate((1.0, 0.0, 0.0, 0.0), (0.6 * angle, 0.0, -0.8 * angle), 1.0)
+        assert turned == pytest.approx((1.0, 0.3 * angle, 0.0, -0.4 * angle), rel=1e-9, abs=1e-20)
+
+
 def test_integration_ends_on_a_unit_quaternion() -> None:
     assert hypot(*frames.integrate((2.0, 0.0, 0.0, 0.0), A, 0.01)) == pytest.approx(1.0)
 
