@@ -12,6 +12,7 @@ def _number(low: float, high: float, unit: str, settable: bool = False) -> Any:
 
 
 DEFAULT_HOVER_THRUST = 0.5  # until the autopilot tells its own
+_DEAD_TIME_S = 0.03  # of PX4 and its rotors, from the command to the first of it
 
 
 class Section(BaseModel):
@@ -89,10 +90,10 @@ class Control(Section):
 
     attitude_law: Literal["quaternion", "geometric", "jerk"] = Field(json_schema_extra={"settable": True})
     position_gain_1_s2: Triple = _each(0.0, 50.0, "1/s2", settable=True)
-    velocity_gain_1_s: Triple = _each(0.0, 30.0, "1/s", settable=True)
+    velocity_gain_1_s: Triple = _each(0.5, 30.0, "1/s", settable=True)
     feedback_max_m_s2: float = _number(0.5, 30.0, "m/s2", settable=True)
     approach_max_m_s: float = _number(0.1, 30.0, "m/s", settable=True)
-    attitude_time_constant_s: Triple = _each(0.02, 5.0, "s", settable=True)
+    attitude_time_constant_s: Triple = _each(0.04, 5.0, "s", settable=True)
     hover_thrust: float | None = _number(0.05, 0.95, "-")
     thrust_curve: float = _number(0.0, 1.0, "-")
     thrust_lag_s: float = _number(0.0, 0.5, "s")
@@ -108,9 +109,9 @@ class Control(Section):
     velocity_yaw: bool = Field(json_schema_extra={"settable": True})
     feedthrough: bool
     tilt_max_deg: float = _number(5.0, 80.0, "deg", settable=True)
-    rate_max_deg_s: float = _number(10.0, 720.0, "deg/s", settable=True)
+    rate_max_deg_s: float = _number(20.0, 720.0, "deg/s", settable=True)
     yaw_rate_max_deg_s: float = _number(5.0, 360.0, "deg/s", settable=True)
-    rate_slew_max_deg_s2: float = _number(100.0, 50000.0, "deg/s2", settable=True)
+    rate_slew_max_deg_s2: float = _number(1200.0, 50000.0, "deg/s2", settable=True)
     thrust_min: float = _number(0.0, 0.5, "-", settable=True)
     thrust_max: float = _number(0.3, 1.0, "-", settable=True)
     thrust_slew_max_1_s: float = _number(0.5, 100.0, "1/s", settable=True)
@@ -119,6 +120,32 @@ class Control(Section):
     def _hovers(self) -> "Control":
         require_hover(self, DEFAULT_HOVER_THRUST if self.hover_thrust is None else self.hover_thrust)
         return self
+
+    @model_validator(mode="after")
+    def _stable(self) -> "Control":
+        require_stable(self)
+        return self
+
+
+def require_stable(control: Control) -> None:
+    """Raise ``ValueError`` when the loops would swing: the criterion of Routh and Hurwitz on gains and lags.
+
+    Horizontally, attitude and rate loop lie between command and acceleration: v (1 - v T) > p t with the gains p and v,
+    the attitude's time constant t, and T the rate loop's lag with its dead time. Vertically the lag of thrust: v > p T.
+    """
+    lag_s = max(control.rate_lag_s[:2]) + _DEAD_TIME_S
+    attitude_s = max(control.attitude_time_constant_s[:2])
+    for p, v in tuple(zip(control.position_gain_1_s2, control.velocity_gain_1_s, strict=True))[:2]:
+        if not v * (1.0 - v * lag_s) > p * attitude_s:
+            raise ValueError(
+                f"position_gain_1_s2 {p:g} and velocity_gain_1_s {v:g} swing with attitude_time_constant_s "
+                f"{attitude_s:g} and a rate loop of {lag_s:g} s"
+            )
+    p, v, lag_s = control.position_gain_1_s2[2], control.velocity_gain_1_s[2], control.thrust_lag_s + _DEAD_TIME_S
+    if not v > p * lag_s:
+        raise ValueError(
+            f"position_gain_1_s2 {p:g} and velocity_gain_1_s {v:g} down swing with thrust {lag_s:g} s late"
+        )
 
 
 def require_hover(control: Control, hover_thrust: float) -> None:
