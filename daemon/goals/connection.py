@@ -96,9 +96,10 @@ class Connection:
         except PermissionError:
             hint = "ask for membership in its group, or use sudo"
             raise NoDaemonError(f"the socket {self._path} does not let this user in: {hint}") from None
-        except OSError:
+        except OSError as error:
+            why = error.strerror.lower() if error.strerror else str(error)
             hint = "start one with `flightd run`, or name its socket with --socket or $FLIGHTD_SOCKET"
-            raise NoDaemonError(f"no daemon listens at {self._path}: {hint}") from None
+            raise NoDaemonError(f"no daemon listens at {self._path} ({why}): {hint}") from None
         self._up.set()
         return reader
 
