@@ -4,6 +4,7 @@ import asyncio
 import os
 import signal
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -95,8 +96,9 @@ async def _main(config: Config, socket: Path | None, watch: Callable[[Vehicle], 
         log.error("vehicle_unavailable", reason=str(error))
         listener.close()
         return EXIT_IN_USE
-    preload()
     apply_realtime(config.loops)
+    loop.set_default_executor(ThreadPoolExecutor(1, "beside"))
+    await loop.run_in_executor(None, preload)  # its thread starts here: the loop would wait for that in flight
     link = MavsdkLink(config.link.connection, link_timeout_s=config.link.lost_s)
     vehicle = Vehicle(config, link, lambda: live_alarm(loop))
     vehicle.control.listeners.append(PhaseLock(vehicle.control.grid, vehicle.autopilot.odometry).on_tick)

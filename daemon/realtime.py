@@ -3,6 +3,7 @@
 import ctypes
 import importlib
 import os
+import threading
 
 from daemon import logs
 from daemon.settings import Loops
@@ -21,15 +22,21 @@ def preload() -> None:
 
 
 def apply(loops: Loops) -> None:
-    """CPU affinity, SCHED_FIFO and locked memory as configured."""
+    """CPU affinity, SCHED_FIFO and locked memory as configured, for the threads there are; later ones inherit them.
+
+    For all of them: one that is not scheduled while it holds the interpreter lock would stop the loop.
+    """
+    threads = [thread.native_id or 0 for thread in threading.enumerate()]
     if loops.cpu_affinity:
         try:
-            os.sched_setaffinity(0, loops.cpu_affinity)
+            for thread in threads:
+                os.sched_setaffinity(thread, loops.cpu_affinity)
         except OSError as error:
             log.warning("cpu_affinity_refused", cores=loops.cpu_affinity, reason=error.strerror)
     if loops.realtime_priority:
         try:
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(loops.realtime_priority))
+            for thread in threads:
+                os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(loops.realtime_priority))
         except OSError as error:
             log.warning("realtime_refused", reason=error.strerror, advice="grant CAP_SYS_NICE or LimitRTPRIO")
     if loops.lock_memory:

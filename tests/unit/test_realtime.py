@@ -1,6 +1,7 @@
 """Real-time rights: taken where permitted, a plain warning where not, and never a reason not to fly."""
 
 import os
+import threading
 
 import pytest
 import structlog
@@ -36,11 +37,20 @@ def test_what_is_refused_is_said_with_the_way_out(monkeypatch: pytest.MonkeyPatc
     assert "LimitRTPRIO" in lines[1]["advice"]
 
 
-def test_priority_and_cores_are_taken_as_configured(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[tuple[object, ...]] = []
-    monkeypatch.setattr(os, "sched_setscheduler", lambda *arguments: asked.append(arguments))
-    monkeypatch.setattr(os, "sched_setaffinity", lambda *arguments: asked.append(arguments))
-    apply(loops(realtime_priority=40, cpu_affinity=[0]))  # type: ignore[arg-type]
-    (affinity, priority) = asked
-    assert affinity == (0, (0,))
-    assert (priority[1], priority[2].sched_priority) == (os.SCHED_FIFO, 40)  # type: ignore[attr-defined]
+def test_priority_and_cores_are_taken_as_configured_for_every_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    cores: list[tuple[object, ...]] = []
+    priorities: list[tuple[int | None, int, int]] = []
+    monkeypatch.setattr(os, "sched_setaffinity", lambda *arguments: cores.append(arguments))
+    monkeypatch.setattr(os, "sched_setscheduler", lambda t, how, p: priorities.append((t, how, p.sched_priority)))
+    end = threading.Event()
+    other = threading.Thread(target=end.wait)
+    other.start()
+    try:
+        apply(loops(realtime_priority=40, cpu_affinity=[0]))  # type: ignore[arg-type]
+        threads = [thread.native_id for thread in threading.enumerate()]
+    finally:
+        end.set()
+        other.join()
+    assert {threading.main_thread().native_id, other.native_id} <= set(threads)
+    assert cores == [(thread, (0,)) for thread in threads]
+    assert priorities == [(thread, os.SCHED_FIFO, 40) for thread in threads]
