@@ -145,3 +145,38 @@ def test_total_stays_within_its_bounds(inputs: list[tuple[Vec3, Vec3, Vec3, floa
         total = drag.total(state, configured)
         assert min(total) >= -1e-12
         assert max(total) <= max(2.0, *configured) + 1e-12
+
+
+def test_a_step_by_hand() -> None:
+    """Rate -(z u) / information, and a high-pass of three seconds: z = (3, 1), u = (-0.9, 0.6)."""
+    state = Drag(0.2, 50.0, (1.0, -2.0), (0.3, 0.4))
+    v = (4.0, -1.0, 9.0)
+    after = drag.learn(state, v, v, (-0.6, 1.0, 9.0), 0.05, configured_1_s=NONE, maximum_1_s=2.0)
+    share = 0.05 / 3.05
+    assert after.learned_1_s == pytest.approx(0.2 + (2.7 - 0.6) / 50.0 * 0.05)
+    assert after.information_m2_s == pytest.approx(50.0 + 10.0 * 0.05)
+    assert after.steady_velocity_ne_m_s == pytest.approx((1.0 + 3.0 * share, -2.0 + share))
+    assert after.steady_disturbance_ne_m_s2 == pytest.approx((0.3 - 0.9 * share, 0.4 + 0.6 * share))
+
+
+@pytest.mark.parametrize(("apart_m_s", "follows"), [(2.4, True), (2.6, False)])
+def test_following_is_a_metre_a_second_and_three_tenths_of_the_speed(apart_m_s: float, follows: bool) -> None:
+    state = Drag(0.2, 50.0, (1.0, -2.0), (0.3, 0.4))
+    flown = (3.0 + 0.6 * apart_m_s, 4.0 - 0.8 * apart_m_s, 0.0)
+    after = drag.learn(state, (3.0, 4.0, 0.0), flown, (-0.6, 1.0, 0.0), DT, configured_1_s=NONE, maximum_1_s=2.0)
+    assert (after.learned_1_s != 0.2) is follows
+
+
+def test_each_axis_has_its_configured_drag_and_what_was_learned() -> None:
+    assert drag.total(Drag(0.5), (0.1, 0.2, 0.3)) == pytest.approx((0.6, 0.7, 0.8))
+
+
+def test_what_is_learned_keeps_the_sum_between_nothing_and_the_maximum() -> None:
+    configured = (0.3, 0.2, 0.4)
+    for push, bound in ((50.0, -0.2), (-50.0, 1.0 - 0.4)):
+        state = Drag(0.0, 6.0, (0.0, 0.0), (0.0, 0.0), configured)
+        for i in range(2000):
+            v = (5.0, 0.0, 0.0) if i % 200 < 100 else (-5.0, 0.0, 0.0)
+            seen = (push * v[0], 0.0, 0.0)
+            state = drag.learn(state, v, v, seen, DT, configured_1_s=configured, maximum_1_s=1.0)
+        assert state.learned_1_s == pytest.approx(bound)

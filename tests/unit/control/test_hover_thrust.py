@@ -69,3 +69,10 @@ def test_a_share_of_what_is_left_is_learned_in_a_step() -> None:
     hover, left = one(0.4, 0.01 * G, dt=0.3, tau=3.0)
     assert hover == pytest.approx(0.4 * (1.0 + 0.1 * 0.01), rel=1e-4)
     assert left == pytest.approx(0.009 * G, rel=1e-3)
+
+
+def test_a_range_of_three_tenths_ends_at_seven_tenths_of_the_start() -> None:
+    hover, _ = learn(0.36, -0.9 * G, 10.0, start=0.5, relative_range=0.3, time_constant_s=1.0, gravity_m_s2=G)
+    assert hover == pytest.approx(0.35)
+    hover, _ = learn(0.6, 2.0 * G, 10.0, start=0.5, relative_range=0.3, time_constant_s=1.0, gravity_m_s2=G)
+    assert hover == pytest.approx(0.65)
