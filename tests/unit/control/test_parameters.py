@@ -92,6 +92,10 @@ def test_number_at_the_edge_of_its_sense_is_taken(good: dict[str, object]) -> No
         ("velocity_gain_1_s", (0.0, 0.0, -0.1)),
         ("rate_max_rad_s", inf),
         ("approach_max_m_s", nan),
+        ("approach_max_m_s", -1.0),
+        ("feedback_max_m_s2", 2e4),
+        ("hover_time_constant_s", -1.0),
+        ("tilt_max_rad", -0.1),
     ],
 )
 def test_number_beyond_the_edge_is_refused_by_its_own_name(name: str, bad: object) -> None:
@@ -140,6 +144,7 @@ def test_the_original_flies_its_published_numbers() -> None:
     assert (p.velocity_bias_bandwidth_rad_s, p.disturbance_bandwidth_rad_s) == (0.0, 0.0)
     assert (p.hover_time_constant_s, p.approach_max_m_s, p.heading_error_max_rad) == (inf, inf, pi)
     assert (p.thrust_min, p.thrust_max) == (0.0, 1.0)
+    assert p.rate_max_rad_s == p.yaw_rate_max_rad_s == 20.0, "PX4 takes no more"
 
 
 def test_airframe_gives_each_loop_its_own_lag() -> None:
@@ -152,4 +157,5 @@ def test_airframe_gives_each_loop_its_own_lag() -> None:
     assert p.velocity_gain_1_s == pytest.approx(tuple(k / 2.0 for k in default.velocity_gain_1_s))
     assert p.disturbance_bandwidth_rad_s == pytest.approx(default.disturbance_bandwidth_rad_s / 2.0)
     known = from_airframe(0.4, 0.11, yaw_rate_lag_s=0.2)
+    assert known.drag_1_s == (0.0, 0.0, 0.0)
     assert known.rate_lag_s[2] == 0.2 and known.attitude_time_constant_s[2] == pytest.approx(0.46)
