@@ -1,5 +1,5 @@
 from dataclasses import replace
-from math import exp, radians, sin
+from math import atan2, cos, exp, radians, sin
 
 import pytest
 
@@ -170,3 +170,50 @@ def test_memories_of_the_model_turn_and_shift_with_a_reset() -> None:
     assert after.by_position.derivative == pytest.approx((1.1, 2.2, 3.3))
     assert after.by_position.unexplained == (0.1, 0.2, 0.3), "the bias is one of the sensors, not of the frame"
     assert after.acceleration_ned_m_s2 == pytest.approx((0.0, 1.0, 2.0))
+
+
+@pytest.mark.parametrize(
+    ("acts_s", "kept"),
+    [
+        (1.015, (1.0, 1.01, 1.015)),
+        (1.02, (1.0, 1.01, 1.02)),
+        (0.995, (0.995,)),
+        (1.2, (1.0, 1.01, 1.02, 1.2)),
+        (1.305, (1.01, 1.02, 1.305)),
+        (9.0, (9.0,)),
+    ],
+)
+def test_a_command_replaces_those_that_act_later_and_outlives_the_old(acts_s: float, kept: tuple[float, ...]) -> None:
+    model = with_commands((1.0, 0.5), (1.01, 0.6), (1.02, 0.7))
+    model = vehicle_model.commanded(model, acts_s, thrust(0.9))
+    assert tuple(time_s for time_s, _ in model.commands) == kept
+    assert model.commands[-1][1].thrust == 0.9
+
+
+def weaving(p: ControlParameters, spacing_s: float = DT) -> VehicleModel:
+    """Five metres a second to and fro over the ground, in a drag of 0.5 1/s that no model knows, level."""
+    model = VehicleModel(hover_thrust=0.5)
+    for i in range(round(12.0 / spacing_s)):
+        t = i * spacing_s
+        v = 5.0 * sin(1.5 * t)
+        pitch = atan2(-(7.5 * cos(1.5 * t) + 0.5 * v), G)
+        attitude = frames.from_rpy(0.0, pitch, 0.0)
+        now = sample(t, (v, 0.0, 0.0), attitude, (-10.0 / 3.0 * cos(1.5 * t), 0.0, 0.0))
+        model = vehicle_model.observed(model, now, p, (v, 0.0, 0.0))
+        model = vehicle_model.commanded(model, t, thrust(0.5 / cos(pitch)))
+    return model
+
+
+def test_drag_is_learned_unless_it_is_switched_off() -> None:
+    on = replace(P, drag_max_1_s=2.0, thrust_lag_s=0.0)
+    assert weaving(on).drag.learned_1_s == pytest.approx(0.5, abs=0.15)
+    assert weaving(replace(on, drag_max_1_s=0.0)).drag.learned_1_s == 0.0
+
+
+@pytest.mark.parametrize(("spacing_s", "seen"), [(0.01, True), (0.09, True), (0.11, False)])
+def test_lateness_is_seen_by_samples_that_follow_each_other(spacing_s: float, seen: bool) -> None:
+    model = vehicle_model.observed(VehicleModel(hover_thrust=0.5), sample(0.0), P)
+    assert model.lateness is VehicleModel(hover_thrust=0.5).lateness, "without a command nobody is late"
+    model = vehicle_model.commanded(model, 0.0, Setpoint((1.0, 0.0, 0.0), 0.5))
+    after = vehicle_model.observed(model, sample(spacing_s), P)
+    assert (after.lateness.late_s > 0.0) is seen, "it should turn by now, and does not"
