@@ -108,21 +108,8 @@ def observed(
     if dt_s <= observer.STEP_MAX_S and tilt_of(attitude_wb) < p.hover_tilt_max_rad:
         hover, by_velocity = _with_hover_learned(hover, by_velocity, dt_s, p)
     expected = add(modelled, by_velocity.unexplained)
-    learned = UNKNOWN
-    if p.drag_max_1_s > 0.0:
-        learned = drag.learn(
-            model.drag,
-            reference_velocity_ned_m_s,
-            velocity_ned_m_s,
-            by_velocity.unexplained,
-            min(dt_s, observer.STEP_MAX_S),
-            configured_1_s=p.drag_1_s,
-            maximum_1_s=p.drag_max_1_s,
-        )
-    late = model.lateness
-    if acting is not None and dt_s <= observer.STEP_MAX_S:
-        commanded, measured = acting.rates_frd_rad_s[:2], estimate.rates_frd_rad_s[:2]
-        late = lateness.learn(late, commanded, measured, dt_s, lag_s=p.rate_lag_s[0])
+    learned = _drag(model.drag, reference_velocity_ned_m_s, velocity_ned_m_s, by_velocity.unexplained, dt_s, p)
+    late = _lateness(model.lateness, acting, estimate.rates_frd_rad_s, dt_s, p)
     return VehicleModel(hover, model.commands, thrust, by_velocity, by_position, expected, learned, late)
 
 
@@ -175,6 +162,30 @@ def _lagged_thrust(model: VehicleModel, command: Setpoint | None, dt_s: float, p
     if model.thrust is None or dt_s > observer.STEP_MAX_S or p.thrust_lag_s <= 0.0:
         return acting
     return acting + (model.thrust - acting) * exp(-dt_s / p.thrust_lag_s)
+
+
+def _drag(
+    known: Drag, reference_velocity: Vec3, velocity: Vec3, disturbance: Vec3, dt_s: float, p: ControlParameters
+) -> Drag:
+    """The drag with what this sample tells; nothing is known where nothing may be learned."""
+    if p.drag_max_1_s <= 0.0:
+        return UNKNOWN
+    return drag.learn(
+        known,
+        reference_velocity,
+        velocity,
+        disturbance,
+        min(dt_s, observer.STEP_MAX_S),
+        configured_1_s=p.drag_1_s,
+        maximum_1_s=p.drag_max_1_s,
+    )
+
+
+def _lateness(known: Lateness, acting: Setpoint | None, rates: Vec3, dt_s: float, p: ControlParameters) -> Lateness:
+    """The lateness with what this sample tells; a gap tells nothing."""
+    if acting is None or dt_s > observer.STEP_MAX_S:
+        return known
+    return lateness.learn(known, acting.rates_frd_rad_s[:2], rates[:2], dt_s, lag_s=p.rate_lag_s[0])
 
 
 def _with_hover_learned(
