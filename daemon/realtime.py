@@ -3,12 +3,14 @@
 import ctypes
 import importlib
 import os
+import sys
 import threading
 
 from daemon import logs
 from daemon.settings import Loops
 
 _MCL_CURRENT_AND_FUTURE = 3
+_SWITCH_S = 0.0005  # how long the loop waits for a thread that computes (a planner, the record); Python's own: 5 ms
 
 _LOADED_LATE = ("pymap3d",)  # `frames` has it at the first place on the globe: thirty files of a slow disk, some ticks
 
@@ -26,6 +28,7 @@ def apply(loops: Loops) -> None:
 
     For all of them: one that is not scheduled while it holds the interpreter lock would stop the loop.
     """
+    sys.setswitchinterval(_SWITCH_S)
     threads = [thread.native_id or 0 for thread in threading.enumerate()]
     if loops.cpu_affinity:
         try:

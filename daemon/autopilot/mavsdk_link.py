@@ -5,8 +5,6 @@ event loop. Nothing here uses the offboard plugin, which would repeat setpoints 
 """
 
 import asyncio
-import contextlib
-import ctypes
 import json
 import math
 import struct
@@ -28,6 +26,7 @@ from daemon import logs
 from daemon.autopilot.px4 import SET_ATTITUDE_TARGET_RATES_MASK, Fields, Message, is_sendable
 from daemon.autopilot.session import SAMPLES, Px4Session, SessionParams
 from daemon.autopilot.session_link import SessionLink
+from daemon.autopilot.threads import ThreadStates, aside
 from daemon.messages import AutopilotStatus, FlightMode, Setpoint
 
 _POLL_S = 0.05
@@ -117,24 +116,6 @@ class _Wire:
             self._open = False
 
 
-class _ThreadStates:
-    """Keeps the interpreter's state of a foreign thread from its first callback on.
-
-    Without it each callback makes one, and unmakes it at its end: two system calls for its stack and a third of the
-    callback's time. It goes with the interpreter.
-    """
-
-    def __init__(self) -> None:
-        self._kept: set[int] = set()
-
-    def keep(self) -> None:
-        """Called from a callback of the thread."""
-        thread = threading.get_ident()
-        if thread not in self._kept:
-            self._kept.add(thread)
-            ctypes.pythonapi.PyGILState_Ensure()  # never released: the callback's own release then keeps the state
-
-
 class MavsdkLink(SessionLink):
     """Implements ``Autopilot`` on MAVSDK. ``url`` as MAVSDK's: udpin://127.0.0.1:14540, serial:///dev/ttyAMA0:921600.
 
@@ -151,8 +132,9 @@ class MavsdkLink(SessionLink):
         self.url = url
         self.late_callbacks = 0
         self._own_ids = own_ids
-        self._threads = _ThreadStates()
+        self._threads = ThreadStates()
         self._wire: _Wire | None = None
+        self._opened = False
         self._loop: asyncio.AbstractEventLoop | None = None
         self._loop_thread = 0
 
@@ -170,7 +152,8 @@ class MavsdkLink(SessionLink):
             await self._keep(sdk)
         finally:
             wire, self._wire = self._wire, None
-            await _bounded(lambda: _close(sdk, wire), _CLOSE_S)
+            if self._opened:  # else it may still be at it: nothing may be taken from under it
+                await self._close(sdk, wire)
 
     def send_setpoint(self, setpoint: Setpoint) -> bool:
         """Send one body-rate setpoint now, from any thread; False when there is no autopilot or it is not finite."""
@@ -189,12 +172,21 @@ class MavsdkLink(SessionLink):
             self._hand_over(self.session.mode_requested, mode, loop.time())
         return wire.send(message)
 
+    async def _close(self, sdk: Mavsdk, wire: _Wire | None) -> None:
+        if wire is not None:
+            wire.cut()
+        try:
+            await asyncio.wait_for(aside(sdk.destroy), _CLOSE_S)
+        except TimeoutError:
+            _log.warning("mavsdk did not close in time")
+
     # ---- opening
 
     async def _open(self, sdk: Mavsdk) -> None:
         while True:
-            result = await asyncio.to_thread(sdk.add_any_connection, self.url)
+            result = await aside(lambda: sdk.add_any_connection(self.url))
             if result == ConnectionResult.SUCCESS:
+                self._opened = True
                 _log.info("waiting for an autopilot", url=self.url)
                 return
             _log.warning("connection failed, trying again", url=self.url, result=result.name)
@@ -296,26 +288,3 @@ def _unpack_parameter(fields: Fields) -> None:
     layout, value = _PARAM_TYPES_BYTEWISE.get(fields["param_type"]), fields["param_value"]
     if layout is not None and value is not None:
         fields["param_value"] = struct.unpack_from(layout, struct.pack("<f", value))[0]
-
-
-def _close(sdk: Mavsdk, wire: _Wire | None) -> None:
-    if wire is not None:
-        wire.cut()
-    sdk.destroy()
-
-
-async def _bounded(work: Callable[[], None], timeout_s: float) -> None:
-    """Run ``work`` in a thread of its own and leave it behind if it takes longer."""
-    loop = asyncio.get_running_loop()
-    done = asyncio.Event()
-
-    def run() -> None:
-        work()
-        with contextlib.suppress(RuntimeError):  # the loop did not wait for it
-            loop.call_soon_threadsafe(done.set)
-
-    threading.Thread(target=run, name="mavsdk-close", daemon=True).start()
-    try:
-        await asyncio.wait_for(done.wait(), timeout_s)
-    except TimeoutError:
-        _log.warning("mavsdk did not close in time")
