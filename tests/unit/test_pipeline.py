@@ -380,9 +380,9 @@ def test_levelling_ends_with_the_horizon_of_the_prediction_in_zero_rates() -> No
     for i in range(70):
         setpoint, record = flow.tick(last)
         if i == 15:
-            assert record.drive.value == "law"
+            assert record.drive.value == "law" and record.control is not None
         if i > 25:
-            assert record.drive.value == "level"
+            assert record.drive.value == "level" and record.control is None, "the law has no say"
         rolled.append(setpoint)
     assert all(setpoint is not None for setpoint in rolled)
     assert rolled[30] is not None and rolled[30].rates_frd_rad_s != (0.0, 0.0, 0.0)
