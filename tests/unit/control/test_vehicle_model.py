@@ -1,5 +1,5 @@
 from dataclasses import replace
-from math import atan2, cos, exp, radians, sin
+from math import acos, atan2, cos, exp, hypot, radians, sin
 
 import pytest
 
@@ -217,3 +217,65 @@ def test_lateness_is_seen_by_samples_that_follow_each_other(spacing_s: float, se
     model = vehicle_model.commanded(model, 0.0, Setpoint((1.0, 0.0, 0.0), 0.5))
     after = vehicle_model.observed(model, sample(spacing_s), P)
     assert (after.lateness.late_s > 0.0) is seen, "it should turn by now, and does not"
+
+
+def turning(model: VehicleModel, p: ControlParameters, seconds: float = 12.0, drag_1_s: float = 0.6) -> VehicleModel:
+    """Level circles at 4 m/s that the vehicle flies against a drag, leaning as it takes."""
+    for i in range(round(seconds / DT)):
+        t = i * DT
+        c, s = cos(0.8 * t), sin(0.8 * t)
+        velocity, acceleration = (4.0 * c, 4.0 * s, 0.0), (-3.2 * s, 3.2 * c, 0.0)
+        thrust_vector = (acceleration[0] + drag_1_s * velocity[0], acceleration[1] + drag_1_s * velocity[1], -G)
+        length = frames.norm(thrust_vector)
+        down = frames.scale(thrust_vector, -1.0 / length)
+        attitude = frames.exp(frames.scale((-down[1], down[0], 0.0), acos(down[2]) / hypot(down[0], down[1])))
+        state = sample(t, velocity, attitude, (5.0 * s, 5.0 * (1.0 - c), 0.0))
+        model = vehicle_model.observed(model, state, p, velocity)
+        model = vehicle_model.commanded(model, t, thrust(0.5 * length / G))
+    return model
+
+
+def test_drag_is_learned_with_the_velocity_of_the_reference() -> None:
+    model = turning(VehicleModel(hover_thrust=0.5), P)
+    assert model.drag.learned_1_s == pytest.approx(0.6, abs=0.06)
+    assert frames.norm(model.disturbance_ned_m_s2) < 0.5
+
+
+def test_drag_is_not_learned_and_is_forgotten_where_nothing_may_be() -> None:
+    off = replace(P, drag_max_1_s=0.0)
+    model = turning(VehicleModel(hover_thrust=0.5), off, 2.0)
+    assert model.drag.learned_1_s == 0.0
+    known = turning(VehicleModel(hover_thrust=0.5), P)
+    later = vehicle_model.observed(known, sample(20.0), off)
+    assert later.drag.learned_1_s == 0.0
+
+
+def test_a_pause_keeps_what_was_learned_of_the_vehicle_and_forgets_the_flight() -> None:
+    known = turning(VehicleModel(hover_thrust=0.45), P)
+    model = vehicle_model.restarted(known)
+    assert (model.hover_thrust, model.drag.learned_1_s) == (known.hover_thrust, known.drag.learned_1_s)
+    assert (model.commands, model.thrust, model.disturbance_ned_m_s2) == ((), None, ZERO3)
+
+
+def test_a_reset_moves_the_memory_of_the_drag_too() -> None:
+    known = turning(VehicleModel(hover_thrust=0.5), P)
+    after = vehicle_model.shifted(known, Reset(1.0, frozenset({"velocity_ne"}), velocity_ned_m_s=(2.0, 3.0, 0.0)))
+    before = known.drag.steady_velocity_ne_m_s or (0.0, 0.0)
+    assert after.drag.steady_velocity_ne_m_s == pytest.approx((before[0] + 2.0, before[1] + 3.0))
+
+
+def test_a_vehicle_that_turns_late_is_seen_to_be_late() -> None:
+    """Rates follow the commands exactly as modelled, 40 ms later."""
+    model, first, second = VehicleModel(hover_thrust=0.5), 0.0, 0.0
+    for i in range(400):
+        t = i * DT
+        for k in range(10):
+            acting = 3.0 if (t + k * 0.001 - 0.04) % 1.0 < 0.2 else 0.0
+            first += (acting - first) * 0.001 / P.rate_lag_s[0]
+            second += (first - second) * 0.001 / 0.03
+        rates = (second, 0.0, 0.0)
+        model = vehicle_model.commanded(model, t, Setpoint((3.0 if t % 1.0 < 0.2 else 0.0, 0.0, 0.0), 0.5))
+        model = vehicle_model.observed(model, EstimatedState(t + DT, ZERO3, ZERO3, IDENTITY, rates), P)
+    assert model.lateness.late_s == pytest.approx(0.045, abs=0.015)
+    gap = vehicle_model.observed(model, EstimatedState(5.0, ZERO3, ZERO3, IDENTITY, (9.0, 0.0, 0.0)), P)
+    assert gap.lateness is model.lateness
