@@ -31,7 +31,7 @@ soak: $(STAMP)
 fault-matrix: $(STAMP)
 	PYTHONPATH=tests $(BIN)/python -m support.fault_table docs/safety.md
 
-# Mutation testing of what keeps the vehicle safe: half an hour to an hour on one core. MODULE=daemon/frames.py names one,
+# Mutation testing of what keeps the vehicle safe: an hour or more on one core. MODULE=daemon/frames.py names one,
 # SAMPLE=60 tries so many mutants of each.
 MODULE ?= daemon/safety daemon/control daemon/frames.py daemon/pipeline.py
 SAMPLE ?= 0
