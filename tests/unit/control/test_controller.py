@@ -1,5 +1,5 @@
 from dataclasses import fields, replace
-from math import cos, hypot, inf, isfinite, nan, radians, sin
+from math import atan2, cos, hypot, inf, isfinite, nan, radians, sin
 from typing import Any
 
 import pytest
@@ -437,3 +437,18 @@ def test_each_limit_is_named_when_it_cuts_and_only_then(sign: float) -> None:
     assert names((0.5, 0.3, 0.0), replace(FREE, rate_slew_max_rad_s2=1.0)) == ("slew",)
     assert names((0.0, 0.0, 0.5), replace(FREE, thrust_slew_max_1_s=0.1)) == ("slew",)
     assert names((3.0, 2.0, 0.0), replace(FREE, tilt_max_rad=radians(10.0))) == ("thrust_vector",)
+
+
+@pytest.mark.parametrize("bad", [False, True])
+def test_drag_is_learned_with_the_velocity_of_the_reference_and_not_without_one(bad: bool) -> None:
+    """Five metres a second to and fro in a drag of 0.5 1/s that was not configured; the vehicle follows exactly."""
+    p = replace(P, drag_max_1_s=2.0, thrust_lag_s=0.0)
+    state = controller.initial(p)
+    for i in range(1200):
+        t = i * DT
+        x, v, a = -10.0 / 3.0 * cos(1.5 * t), 5.0 * sin(1.5 * t), 7.5 * cos(1.5 * t)
+        pitch = atan2(-(a + 0.5 * v), P.gravity_m_s2)
+        now = at(t, (x, 0.0, -5.0), (v, 0.0, 0.0), frames.from_rpy(0.0, pitch, 0.0))
+        reference = Reference(t, (x, 0.0, -5.0), (v, 0.0, 0.0), (a, 0.0, 0.0), yaw_rad=nan if bad else 0.0)
+        state, _, record = controller.step(state, now, now, reference, DT, parameters=p)
+    assert (record.drag_learned_1_s > 0.1) is not bad
