@@ -84,7 +84,10 @@ def number(text: str | float) -> float:
 SocketOption = Annotated[
     Path | None,
     typer.Option(
-        "--socket", metavar="PATH", help="The daemon's socket (default: $FLIGHTD_SOCKET, else where it usually is)."
+        "--socket",
+        metavar="PATH",
+        readable=False,
+        help="The daemon's socket (default: $FLIGHTD_SOCKET, else where it usually is).",
     ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]

@@ -22,7 +22,9 @@ def run(
     connection: Annotated[
         str | None, typer.Option(metavar="URL", help="MAVSDK's URL of the autopilot, such as udpin://127.0.0.1:14540.")
     ] = None,
-    socket: Annotated[Path | None, typer.Option(metavar="PATH", help="Path of the goal socket.")] = None,
+    socket: Annotated[
+        Path | None, typer.Option(metavar="PATH", readable=False, help="Path of the goal socket.")
+    ] = None,
 ) -> None:
     """Run the daemon until SIGTERM or Ctrl-C; it waits for an autopilot and takes goals on its socket.
 

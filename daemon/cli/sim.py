@@ -129,7 +129,9 @@ def run_time_fault(
     ] = None,
     port: Annotated[int, typer.Option(metavar="PORT", help="Port of the simulator.")] = 14540,
     vehicle: Annotated[int | None, typer.Option(metavar="N", help="System id; all vehicles without it.")] = None,
-    control: Annotated[Path | None, typer.Option(metavar="PATH", help="The simulator's control socket.")] = None,
+    control: Annotated[
+        Path | None, typer.Option(metavar="PATH", readable=False, help="The simulator's control socket.")
+    ] = None,
 ) -> None:
     """Make something fail in a running simulator now, or name the faults that there are and those at work.
 

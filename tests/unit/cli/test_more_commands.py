@@ -148,3 +148,16 @@ def test_every_help_page_opens(command):
     shown = CliRunner().invoke(build(command), [command, "--help"] if command else ["--help"], prog_name="flightd")
     assert shown.exit_code == 0
     assert f"Usage: flightd {command or '[OPTIONS]'}" in shown.output
+
+
+@pytest.mark.parametrize("command", ["status", "takeoff", "doctor"])
+def test_a_socket_that_does_not_let_the_user_in_says_what_to_do(command, path, monkeypatch):
+    def refuse(*_args, **_more):
+        raise PermissionError
+
+    path.touch()
+    monkeypatch.setattr("os.access", lambda *_args, **_more: False)  # root may read all
+    monkeypatch.setattr("asyncio.open_unix_connection", refuse)
+    words = ["5"] if command == "takeoff" else []
+    said = CliRunner().invoke(build(command), [command, *words, "--socket", str(path)]).output
+    assert "does not let this user in: ask for membership in its group" in said
