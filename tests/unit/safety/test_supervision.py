@@ -673,3 +673,12 @@ def test_a_hold_that_was_given_for_another_reason_than_the_fence_is_left_alone_b
     rig.set(state=vehicle_at((0.0, 0.0, -140.0)))
     rig.tick(400)
     assert rig.asked == []
+
+
+@pytest.mark.parametrize("mode", list(FlightMode))
+def test_nothing_is_asked_of_a_vehicle_met_in_flight_whatever_mode_it_flies(mode: FlightMode) -> None:
+    """Offboard too: another program may fly it."""
+    rig = Rig().status(IN_HOLD, mode=mode, intended_mode=mode)
+    assert rig.tick(300) is State.PILOT
+    assert rig.asked == []
+    assert rig.drive is Drive.SILENT
