@@ -166,6 +166,7 @@ def test_an_engage_that_is_not_possible_is_not_begun() -> None:
         assert rig.tick(5) not in OURS, changes
         rig.status(IN_HOLD)
         assert rig.tick(5) not in OURS, "a request is taken at once or not at all"
+        assert rig.asked == []
 
 
 def test_an_engage_on_an_attitude_that_the_accelerometer_contradicts_is_not_begun() -> None:
