@@ -30,10 +30,3 @@ def feedback(
     pz = max(-limit, min(limit, pz))
     vx, vy, vz = velocity_error_ned_m_s
     return clip_norm((-px - kv[0] * vx, -py - kv[1] * vy, -pz - kv[2] * vz), feedback_max_m_s2)
-
-
-def thrust_acceleration(acceleration_ned_m_s2: Vec3, other_ned_m_s2: Vec3, gravity_m_s2: float) -> Vec3:
-    """Acceleration that the rotors must give, NED, when ``other`` (drag, disturbance) and gravity act as well."""
-    ax, ay, az = acceleration_ned_m_s2
-    ox, oy, oz = other_ned_m_s2
-    return (ax - ox, ay - oy, az - oz - gravity_m_s2)
