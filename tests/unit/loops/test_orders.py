@@ -251,7 +251,6 @@ def circle(**changes: Any) -> dict[str, Any]:
             "path.waypoints[1].position[2]",
             "ceiling",
         ),
-        ({"path": {"waypoints": [{"position": [1.0, 1.0, -9.0]}] * 51}}, "path.waypoints", "51 waypoints"),
         (circle(speed_m_s=6.0, radius_m=40.0), "trajectory.speed_m_s", "m/s is more than"),
         (circle(speed_m_s=4.5), "trajectory.speed_m_s", "m/s^2 is more than"),
         (circle(center=[0.0, 0.0, -48.0], axis=[1.0, 0.0, 0.0]), "trajectory", "ceiling"),
