@@ -144,7 +144,9 @@ async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Li
         await _first_of(server.stop(), stop.asked_again)
         dead_man.stop()
         tasks.cancel()
-        await asyncio.gather(tasks, return_exceptions=True)
+        (fault,) = await asyncio.gather(tasks, return_exceptions=True)
+        if failed:
+            log.error("failed", exc_info=fault)
         if recorder is not None:
             recorder.close()
         vehicle.garbage.stop()

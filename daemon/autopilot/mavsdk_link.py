@@ -173,10 +173,13 @@ class MavsdkLink(SessionLink):
         return wire.send(message)
 
     async def _close(self, sdk: Mavsdk, wire: _Wire | None) -> None:
-        if wire is not None:
-            wire.cut()
+        def close() -> None:
+            if wire is not None:
+                wire.cut()  # waits for a send that is under way
+            sdk.destroy()
+
         try:
-            await asyncio.wait_for(aside(sdk.destroy), _CLOSE_S)
+            await asyncio.wait_for(aside(close), _CLOSE_S)
         except TimeoutError:
             _log.warning("mavsdk did not close in time")
 

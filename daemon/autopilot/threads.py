@@ -42,9 +42,12 @@ async def aside(work: Callable[[], T]) -> T:
             done.set_result(cast(T, result))
 
     def run() -> None:
-        result, error = None, None
+        result: T | None = None
+        error: Exception | None = None
         try:
             result = work()
+        except StopIteration as caught:  # no future takes it
+            error = RuntimeError(repr(caught))
         except Exception as caught:  # noqa: BLE001 - it comes out where it is awaited
             error = caught
         with contextlib.suppress(RuntimeError):  # the loop did not wait for it

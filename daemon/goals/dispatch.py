@@ -172,22 +172,29 @@ class Dispatcher:
             topics = self._hub.unsubscribe(session, list(call.params.topics or TOPICS))
             return Subscription(topics=topics, rate_hz=session.rate_hz)
         if isinstance(call.params, GoalSubmit) and goal_id is not None:
-            return await self._in_order(caller, partial(self._service.goal_submit, call.params, caller, goal_id))
+            return await self._in_order(session, partial(self._service.goal_submit, call.params, caller, goal_id))
         do: Callable[..., Awaitable[Mapping[str, Any]]] = getattr(self._service, call.method.name.replace(".", "_"))
-        if isinstance(call.params, GoalUpdate | GoalCancel):
-            return await self._in_order(caller, partial(do, call.params, caller))
+        # A cancel comes after what its own client asked for before it, but waits for nobody else's goals.
+        if isinstance(call.params, GoalUpdate) or (isinstance(call.params, GoalCancel) and session.goals_waiting):
+            return await self._in_order(session, partial(do, call.params, caller))
         return await do(call.params, caller)
 
-    async def _in_order(self, caller: Caller, work: Callable[[], Awaitable[Mapping[str, Any]]]) -> Mapping[str, Any]:
+    async def _in_order(self, session: Session, work: Callable[[], Awaitable[Mapping[str, Any]]]) -> Mapping[str, Any]:
         """One goal at a time: the last to come is the last to be flown, and few are checked in threads at once."""
-        loop = asyncio.get_running_loop()
+        loop, caller = asyncio.get_running_loop(), session.caller
         if self._turnstile.count(caller.uid, caller.pid) >= MAX_GOALS_WAITING:
             raise ProtocolError(ErrorCode.WRONG_STATE, BUSY)
-        await self._turnstile.enter(caller.uid, caller.pid)
+        session.goals_waiting += 1
+        try:
+            await self._turnstile.enter(caller.uid, caller.pid)
+        except asyncio.CancelledError:
+            session.goals_waiting -= 1
+            raise
         begun_s = loop.time()
         try:
             return await work()
         finally:
+            session.goals_waiting -= 1
             if (took_s := loop.time() - begun_s) > LONG_S:  # in a thread, which takes its time from the loop's
                 loop.call_later(REST * took_s, self._turnstile.leave)
             else:

@@ -120,13 +120,15 @@ class GoalServer:
 
     def _serve(self) -> bool:
         """Do a piece of what clients asked for."""
-        for _ in range(VISITS):
-            if not self._turns:
-                return False
-            if self._turns.take()():
-                break
-        if self._turns:
-            self._hub.slack.want(self._serve)
+        try:
+            for _ in range(VISITS):
+                if not self._turns:
+                    return False
+                if self._turns.take()():
+                    break
+        finally:  # what a piece raises strands nobody else's
+            if self._turns:
+                self._hub.slack.want(self._serve)
         return True
 
     async def _turn(self, caller: Caller) -> None:
@@ -157,12 +159,17 @@ class GoalServer:
         if sock is None:
             self._await_connection()
             return False
+        self._hub.slack.want(self._accept)
         self._count += 1
-        session = Session(self, self._count, peer_of(sock))
+        try:
+            session = Session(self, self._count, peer_of(sock))
+        except OSError as error:
+            log.error("accept_failed", reason=str(error))
+            sock.close()
+            return True
         task = loop.create_task(loop.connect_accepted_socket(partial(_same, session), sock))
         self._accepting.add(task)
         task.add_done_callback(self._accepting.discard)
-        self._hub.slack.want(self._accept)
         return True
 
     def _next_connection(self) -> socket.socket | None:

@@ -58,6 +58,7 @@ class Session(asyncio.BufferedProtocol):
         self.caller = Caller(number, peer.pid, peer.uid, host.operators.include(peer))
         self.queued = False
         self.in_flight = 0
+        self.goals_waiting = 0
         self.lost = 0
         self.rate_hz = 10.0
 

@@ -50,7 +50,12 @@ class Turnstile:
         if self._busy:
             come: asyncio.Future[None] = asyncio.get_running_loop().create_future()
             self._waiting.put(uid, pid, come)
-            await come
+            try:
+                await come
+            except asyncio.CancelledError:
+                if not come.cancelled():  # let in, and cancelled in the same pass of the loop
+                    self.leave()
+                raise
         self._busy = True
 
     def count(self, uid: int, pid: int) -> int:

@@ -173,27 +173,26 @@ class Grid:
         def ring() -> None:
             if failed.done():
                 return
-            now_s = loop.time()
-            if now_s < self._due_s:
-                self._alarm.set(self._due_s, ring)
-                return
-            pause_s = self.pause_s(now_s - self._due_s)
-            if pause_s > 0.0:
-                self._alarm.set(now_s + pause_s, ring)
-                return
             try:
-                dt_s = self._advance(now_s)
-                tick(now_s, dt_s)
+                self._alarm.set(self._ticked(tick, loop.time()), ring)
             except Exception as error:  # noqa: BLE001 - it comes out of run()
-                failed.set_exception(error)
-                return
-            self._alarm.set(self._due_s, ring)
+                failed.set_exception(error if not isinstance(error, StopIteration) else RuntimeError(repr(error)))
 
         self._alarm.set(self._due_s, ring)
         try:
             await failed
         finally:
             self._alarm.close()
+
+    def _ticked(self, tick: Callable[[float, float], None], now_s: float) -> float:
+        """Tick if it is time; when to look again."""
+        if now_s < self._due_s:
+            return self._due_s
+        pause_s = self.pause_s(now_s - self._due_s)
+        if pause_s > 0.0:
+            return now_s + pause_s
+        tick(now_s, self._advance(now_s))
+        return self._due_s
 
     def _advance(self, now_s: float) -> float:
         late_s = now_s - self._due_s

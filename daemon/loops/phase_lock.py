@@ -36,16 +36,18 @@ class PhaseLock:
         self._mean = 0j
         self._drift_s = 0.0
         self._waits = False
+        self._fresh = False
         grid.pause_s = self._pause_s
 
     def on_tick(self, inputs: Inputs, record: Record) -> None:
         """Look at the sample of this tick when it is a new one."""
         odometry = inputs.odometry
-        self._waits = False
-        if odometry is not None and odometry is not self._seen:
+        before, self._fresh, self._waits = self._fresh, odometry is not None and odometry is not self._seen, False
+        if odometry is not None and self._fresh:
             self._seen = odometry
             self._grid.slew_s = self.slew_s(record.now_s - odometry.arrival_s)
-            self._waits = abs(self._mean) > _REGULAR  # not after a tick that waited in vain: the stream may have ended
+            # Not after a tick that waited in vain, nor where every other tick has nothing new: it would be in vain.
+            self._waits = before and abs(self._mean) > _REGULAR
 
     def _pause_s(self, late_s: float) -> float:
         if not self._waits or late_s >= _PATIENCE * self._period_s or self._odometry.value is not self._seen:

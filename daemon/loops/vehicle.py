@@ -2,7 +2,7 @@
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from daemon import logs
@@ -91,10 +91,12 @@ class Vehicle:
         try:
             await part.run()
         except Exception as error:
-            if self.trajectory.goal_id is not None:
-                self.trajectory.abort(self.trajectory.goal_id, "task_failed")
-            if part is not self.control:
-                await self.release()
+            with _noting(error):
+                if self.trajectory.goal_id is not None:
+                    self.trajectory.abort(self.trajectory.goal_id, "task_failed")
+            with _noting(error):
+                if part is not self.control:
+                    await self.release()
             self.gate.latch()
             log.error("task_failed", exc_info=error)  # reads sources from disk: not before the vehicle is given away
             await self._let_go()
@@ -143,3 +145,12 @@ class Vehicle:
         engages = last is not None and last.kind is RequestKind.ENGAGE
         seen = record is not None and last is not None and record.supervision.serial == last.serial
         return self.commander.state in OURS or (engages and not seen)
+
+
+@contextlib.contextmanager
+def _noting(error: Exception) -> Iterator[None]:
+    """What fails on the way of giving the vehicle away is added to the error that began it, and stops nothing."""
+    try:
+        yield
+    except Exception as further:  # noqa: BLE001 - whatever else is broken, the vehicle is given away
+        error.add_note(f"and then: {further!r}")

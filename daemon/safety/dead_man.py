@@ -17,6 +17,7 @@ from typing import Protocol
 from daemon.messages import FlightMode, Setpoint
 
 NO_RATES = (0.0, 0.0, 0.0)
+STOP_S = 0.5
 AUTOPILOT_ACTS_S = 1.0  # COM_OF_LOSS_T: the autopilot's own failsafe, or a pilot, has the vehicle by then
 
 
@@ -161,9 +162,9 @@ class DeadMan:
         self._thread.start()
 
     def stop(self) -> None:
-        """End the thread; returns when it has ended."""
+        """End the thread; returns when it has ended, or after ``STOP_S`` when it is stuck in a send."""
         self._stop.set()
-        self._thread.join()
+        self._thread.join(STOP_S)
 
     def _run(self) -> None:
         watch = Watch(self._timing)

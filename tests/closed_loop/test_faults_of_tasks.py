@@ -2,6 +2,7 @@
 
 from math import dist
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from support.flight import Flight, fly
@@ -52,6 +53,24 @@ def test_a_task_that_dies_hands_the_vehicle_over_before_the_daemon_ends(
     assert [entry.outcome for entry in flight.ended] == ["aborted"]
     assert flight.ended[0].reason == "task_failed"
     assert flight.vehicle.gate.latched
+
+
+def test_a_listener_that_fails_again_while_the_vehicle_is_given_away_does_not_keep_it() -> None:
+    flights: list[Flight] = []
+
+    async def scenario(flight: Flight) -> None:
+        flights.append(flight)
+        await _under_way(flight)
+        flight.vehicle.trajectory.listeners.append(Mock(goal_progress=_die, goal_ended=_die))
+        await flight.until(lambda: False)
+
+    with pytest.raises(ExceptionGroup) as group:
+        fly(scenario)
+    (error,) = group.value.exceptions
+    assert "DeliberateError" in error.__notes__[0]
+    (flight,) = flights
+    assert flight.vehicle.gate.latched
+    assert flight.px4.mode is FlightMode.HOLD
 
 
 def test_a_trajectory_task_that_stalls_leaves_a_vehicle_that_brakes_and_holds() -> None:

@@ -12,6 +12,8 @@ def test_a_call_beside_the_loop_gives_its_result_or_its_error() -> None:
     assert asyncio.run(aside(lambda: 7)) == 7
     with pytest.raises(ZeroDivisionError):
         asyncio.run(aside(lambda: 1 // 0))
+    with pytest.raises(RuntimeError, match="StopIteration"):
+        asyncio.run(asyncio.wait_for(aside(lambda: next(iter(()))), 10.0))
 
 
 def test_a_call_that_hangs_holds_up_neither_the_loop_nor_its_end() -> None:

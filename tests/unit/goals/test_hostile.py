@@ -9,8 +9,10 @@ from contextlib import asynccontextmanager
 import pytest
 from fake_flight import serving
 
+from daemon.goals import sockets
 from daemon.goals.errors import ErrorCode
 from daemon.goals.protocol import MAX_BATCH, MAX_VALUES, Refusal, interpret, parse
+from daemon.goals.turns import Turnstile
 
 
 @pytest.fixture
@@ -164,6 +166,27 @@ async def test_goals_are_taken_in_the_order_in_which_they_came_however_long_they
         assert [record["outcome"] for record in daemon.records.values()] == ["preempted", "canceled"]
 
 
+async def test_a_cancel_does_not_wait_for_the_goals_of_others(path):
+    async with serving(path) as daemon, connected(path) as (_, writer, _), connected(path) as (_, _, other):
+        submit, hangs, gate = daemon.goal_submit, asyncio.Event(), asyncio.Event()
+
+        async def slow(params, caller, goal_id):
+            if params.path is not None:
+                hangs.set()
+                await gate.wait()
+            return await submit(params, caller, goal_id)
+
+        await other(request("goal.submit", {"waypoint": WAYPOINT}))
+        daemon.goal_submit = slow
+        writer.write(
+            json.dumps(request("goal.submit", {"path": {"waypoints": [WAYPOINT]}}, id="slow")).encode() + b"\n"
+        )
+        await asyncio.wait_for(hangs.wait(), 10.0)
+        await other(request("goal.cancel", id="cancel"))
+        assert [record["outcome"] for record in daemon.records.values()] == ["canceled"]
+        gate.set()
+
+
 async def test_goal_that_fails_in_the_daemon_lets_the_next_one_in(path):
     async with serving(path), connected(path) as (_, _, ask):
         assert (await ask(request("goal.submit", {"waypoint": {"position": [0, 0, -13]}})))["error"]["code"] == -32603
@@ -233,3 +256,30 @@ async def test_a_request_leaves_nothing_to_the_garbage_collector(path, name):
         finally:
             gc.enable()
         assert left < 50
+
+
+async def test_a_peer_that_cannot_be_asked_who_it_is_keeps_nobody_else_out(path, monkeypatch):
+    calls = []
+
+    def peer_of(sock):
+        calls.append(sock)
+        if len(calls) == 1:
+            raise OSError("gone")
+        return sockets.peer_of(sock)
+
+    monkeypatch.setattr("daemon.goals.server.peer_of", peer_of)
+    async with serving(path):
+        reader, _ = await asyncio.open_unix_connection(str(path))
+        assert await asyncio.wait_for(reader.read(), 10.0) == b""
+        async with connected(path) as (_, _, ask):
+            assert "result" in await ask(request("system.info"))
+
+
+async def test_one_who_is_cancelled_as_the_way_is_free_leaves_it_to_the_next():
+    turnstile = Turnstile()
+    await turnstile.enter(0, 1)
+    first, second = (asyncio.ensure_future(turnstile.enter(0, pid)) for pid in (2, 3))
+    await asyncio.sleep(0)
+    turnstile.leave()
+    first.cancel()
+    await asyncio.wait_for(second, 1.0)

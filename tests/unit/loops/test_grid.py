@@ -56,15 +56,21 @@ def test_the_phase_slews_by_at_most_a_hundredth_of_the_period_a_tick() -> None:
     assert times[-1] - times[0] == pytest.approx(0.01 + 99 * 0.0101, abs=1e-5)
 
 
-def test_a_failing_tick_ends_the_grid_with_its_error() -> None:
+@pytest.mark.parametrize("error", [ZeroDivisionError(), StopIteration()])
+@pytest.mark.parametrize("where", ["tick", "pause_s"])
+def test_whatever_fails_at_a_tick_ends_the_grid(where: str, error: Exception) -> None:
     async def main() -> None:
-        def tick(_now_s: float, _dt_s: float) -> None:
-            raise ZeroDivisionError
+        grid = Grid(0.01, LoopAlarm(asyncio.get_running_loop()))
 
-        await Grid(0.01, LoopAlarm(asyncio.get_running_loop())).run(tick)
+        def fail(*_times_s: float) -> float:
+            raise error
 
-    with pytest.raises(ZeroDivisionError):
-        run_virtual(main())
+        if where == "pause_s":
+            grid.pause_s = fail
+        with pytest.raises((ZeroDivisionError, RuntimeError)):
+            await asyncio.wait_for(grid.run(fail if where == "tick" else lambda _now_s, _dt_s: None), 1.0)
+
+    run_virtual(main())
 
 
 def test_the_report_holds_the_percentiles_of_the_periods() -> None:

@@ -120,3 +120,9 @@ def test_jitter_is_waited_for() -> None:
     ages = [age for age, _ in run_virtual(ticks_with(lambda n: jitter[n], 4000))[3000:]]
     assert len([age for age in ages if age > 0.008]) <= 3  # samples that came after their tick wait for the next one
     assert sorted(ages)[len(ages) // 2] == pytest.approx(MARGIN_S + 0.0004, abs=0.0002)
+
+
+@pytest.mark.parametrize("every", [2, 3])
+def test_a_stream_slower_than_the_grid_is_not_waited_for(every: int) -> None:
+    found = run_virtual(ticks_with(lambda n: 0.0 if n % every == 0 else None, 2000))[1500:]
+    assert [dt for _, dt in found] == pytest.approx([0.01] * len(found), abs=0.00015)
