@@ -31,13 +31,17 @@ _LOAD = "while True: pass"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flight:
-    """Who flies, how: ``loaded`` keeps one core busy, ``uneven`` has PX4's gaps of 8 and 16 ms between ODOMETRY."""
+    """Who flies, how: ``loaded`` keeps one core busy, ``uneven`` has PX4's gaps of 8 and 16 ms between ODOMETRY.
+
+    ``real_time``: on the last core alone and under SCHED_FIFO, as docs/installation.md has it for a vehicle.
+    """
 
     name: str
     client: str = ""  # module of daemon.bench.contestants; empty: the daemon
     loaded: bool = False
     uneven: bool = False
     recorded: bool = False
+    real_time: bool = False
     subscribers: int = 0
     rate_hz: float = 100.0
     python: str = sys.executable
@@ -52,6 +56,7 @@ def programme(rate_hz: float, grpc_python: str | None) -> list[Flight]:
         Flight(name="flightd", rate_hz=rate_hz),
         Flight(name="flightd, uneven", uneven=True, rate_hz=rate_hz),
         Flight(name="flightd, recording", recorded=True, rate_hz=rate_hz),
+        Flight(name="flightd, recording, real time", recorded=True, real_time=True, rate_hz=rate_hz),
         Flight(name="flightd, recording, 5 subscribers", recorded=True, subscribers=5, rate_hz=rate_hz),
         Flight(name="flightd, loaded", loaded=True, rate_hz=rate_hz),
     ]
@@ -105,7 +110,8 @@ async def _flown(
         arguments = ["-m", f"daemon.bench.contestants.{flight.client}", *times]
     else:
         record = str(folder / "record") if flight.recorded else ""
-        arguments = ["-m", "daemon.bench.loop_daemon", *times, str(path), str(flight.rate_hz), record]
+        how = [str(path), str(flight.rate_hz), record, str(int(flight.real_time))]
+        arguments = ["-m", "daemon.bench.loop_daemon", *times, *how]
     metronome = ["-m", "daemon.sim.metronome", str(port), "100", str(int(flight.uneven))]
     async with (
         process([sys.executable, *metronome], notes),

@@ -19,6 +19,7 @@ from daemon.pipeline import Inputs, Record
 from daemon.safety.supervisor import State
 
 _CONNECT_S = 20.0
+_REAL_TIME: dict[str, Any] = {"realtime_priority": 40, "cpu_affinity": [max(os.sched_getaffinity(0))]}
 _REPLAYED = 500
 
 
@@ -89,8 +90,11 @@ def _ready(vehicle: Vehicle) -> bool:
 
 
 def main() -> None:
-    """``python -m daemon.bench.loop_daemon PORT SECONDS WARM_UP SOCKET RATE_HZ RECORD``; RECORD: a folder, or empty."""
-    port, seconds, warm_up_s, path, rate_hz, folder = sys.argv[1:7]
+    """``python -m daemon.bench.loop_daemon PORT SECONDS WARM_UP SOCKET RATE_HZ RECORD REAL_TIME``.
+
+    RECORD: a folder, or empty. REAL_TIME: 1 for the last core alone under SCHED_FIFO, 0 for neither.
+    """
+    port, seconds, warm_up_s, path, rate_hz, folder, real_time = sys.argv[1:8]
     flights: list[Flight] = []
     recording = {"enabled": bool(folder), "when": "always", **({"directory": folder} if folder else {})}
     code = app.run(
@@ -98,7 +102,7 @@ def main() -> None:
         f"udpin://127.0.0.1:{port}",
         Path(path),
         watch=lambda vehicle: flights.append(Flight(vehicle, float(warm_up_s), float(seconds))),
-        loops={"control_rate_hz": float(rate_hz)},
+        loops={"control_rate_hz": float(rate_hz), **(_REAL_TIME if real_time == "1" else {})},
         recording=recording,
         log={"level": "error"},
     )
