@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from daemon.goals.client_errors import NoDaemonError
+
 SOCKET_NAME = "flightd.sock"
 SERVICE_FOLDER = Path("/run/flightd")
 MODE = 0o660
@@ -91,13 +93,20 @@ def private_folder() -> Path:
 
 
 def client_path(argument: Path | None, environ: Mapping[str, str]) -> Path:
-    """Path for a client: as named, else the first place where a socket is, else where a user's daemon would be."""
+    """Path for a client: as named, else the place where a socket is, else where a user's daemon would be.
+
+    Raises `NoDaemonError` when there is more than one: a simulator's daemon must not be taken for the vehicle's.
+    """
     if argument is not None:
         return argument
     if named := environ.get("FLIGHTD_SOCKET"):
         return Path(named)
     places = [SERVICE_FOLDER / SOCKET_NAME, user_path(environ), private_folder() / SOCKET_NAME]
-    return next((place for place in places if place.exists()), places[1])
+    found = [place for place in dict.fromkeys(places) if place.exists()]
+    if len(found) > 1:
+        listed = " and ".join(map(str, found))
+        raise NoDaemonError(f"there are sockets at {listed}: say which by --socket or FLIGHTD_SOCKET")
+    return found[0] if found else places[1]
 
 
 def activated(environ: Mapping[str, str]) -> Listener | None:

@@ -107,3 +107,11 @@ def test_shell_script_flies_and_prints_the_result(path):
         out = finish(start(path, "goto.sh", 10, 0, -5))
         assert submitted(daemon)[0].waypoint.position == (10, 0, -5)
     assert json.loads(out)["params"]["outcome"] == "succeeded"
+
+
+@pytest.mark.skipif(shutil.which("socat") is None, reason="needs socat")
+def test_shell_script_says_by_its_exit_code_that_nothing_flew(path):
+    assert start(path, "goto.sh", 10, 0, -5).wait(60.0) == 5  # no daemon
+    with serving_in_thread(path, auto="aborted"):
+        assert start(path, "goto.sh", 10, 0, -5).wait(60.0) == 1
+        assert start(path, "goto.sh", "x", 0, -5).wait(60.0) == 2

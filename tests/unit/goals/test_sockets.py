@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from daemon.goals.client_errors import NoDaemonError
 from daemon.goals.sockets import (
     Operators,
     Peer,
@@ -42,7 +43,19 @@ def test_client_looks_where_a_socket_is(tmp_path, monkeypatch):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "flightd.sock").touch()
         assert client_path(None, environ) == tmp_path / folder / "flightd.sock"
+        (tmp_path / folder / "flightd.sock").unlink()
     assert str(client_path(None, environ | {"FLIGHTD_SOCKET": "/n/s"})) == "/n/s"
+
+
+def test_client_does_not_choose_between_a_service_and_a_users_daemon(tmp_path, monkeypatch):
+    monkeypatch.setattr("daemon.goals.sockets.SERVICE_FOLDER", tmp_path / "service")
+    environ = {"XDG_RUNTIME_DIR": str(tmp_path / "user")}
+    for folder in ("user", "service"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "flightd.sock").touch()
+    with pytest.raises(NoDaemonError, match="say which by --socket or FLIGHTD_SOCKET"):
+        client_path(None, environ)
+    assert client_path(tmp_path / "named", environ) == tmp_path / "named"
 
 
 async def test_socket_is_for_owner_and_group(tmp_path):
