@@ -9,7 +9,7 @@ The envelope does not see what even the quickest sample took. TIMESYNC does, and
 to the stamps; the change between the two is spread over time, for a jump of the clock would be one of the vehicle.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from daemon.frames import clamp
@@ -168,18 +168,7 @@ def _candidate(
     if count >= parameters.step_samples:
         verdict = Verdict.SET_BACK if stamp_us < state.stamp_us and lag > parameters.ahead_s else Verdict.STEPPED
         return started(stamp_us, min(first, observed), state.drift, state.slopes), verdict
-    waiting = ClockState(
-        state.stamp_us,
-        state.offset_s,
-        state.drift,
-        state.window_stamp_us,
-        state.window_low_s,
-        state.window_before_s,
-        state.slopes,
-        state.lag_s,
-        first,
-        count,
-    )
+    waiting = replace(state, candidate_s=first, candidate_count=count)
     if stamp_us < state.stamp_us:
         return waiting, Verdict.BACKWARDS
     return waiting, Verdict.AHEAD if lag < -parameters.ahead_s else Verdict.GOOD
