@@ -1,8 +1,9 @@
 """A light autopilot for benchmarks: it keeps time and notes what arrives when, and simulates nothing.
 
-It says that it hovers in Hold, acknowledges every command, takes the modes that it is asked for, and sends ODOMETRY
-and HIGHRES_IMU on a grid. Packets are encoded once; stamp, number and checksum are written into them. Setpoints are
-stamped by the kernel, so that its own waking up does not count. Each ODOMETRY has its number in ``x``, in micrometres.
+It says that it hovers in Hold, acknowledges every command, takes the modes that it is asked for, and sends in bursts on
+a grid, as PX4 does: whatever is due at a time leaves within some tens of microseconds, HIGHRES_IMU, ODOMETRY, then the
+rest (recorded). Packets are encoded once; stamp, number and checksum are written into them. Setpoints are stamped by
+the kernel, so that its own waking up does not count. Each ODOMETRY has its number in ``x``, in micrometres.
 """
 
 import gc
@@ -101,6 +102,12 @@ class Metronome:
         self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
         self._odometry = Template(self._codec.encode("ODOMETRY", _odometry()), _CRC_EXTRA["ODOMETRY"])
         self._imu = Template(self._codec.encode("HIGHRES_IMU", _imu()), _CRC_EXTRA["HIGHRES_IMU"])
+        self._streams: tuple[tuple[int, Callable[[], None]], ...] = (
+            (2, self._send_imu),
+            (1, self._send_odometry),
+            (max(1, round(rate_hz / 2.0)), self._send_mode),
+            (max(1, round(rate_hz / 5.0)), self._send_rest),
+        )  # in every so many bursts
         self._running = True
 
     def stop(self) -> None:
@@ -109,23 +116,15 @@ class Metronome:
 
     def run(self) -> None:
         """Keep time until stopped."""
-        start_s = time.monotonic() + 0.1
-        gap = sum(self._gaps) / len(self._gaps)
-        due: list[tuple[float, tuple[float, ...], Callable[[], None]]] = [
-            (start_s, self._gaps, self._send_odometry),
-            (start_s + 0.5 * gap, (2.0 * gap,), self._send_imu),
-            (start_s, (0.5,), self._send_mode),
-            (start_s + 0.0033, (0.2,), self._send_rest),
-        ]
-        turns = [0] * len(due)
+        due_s, burst = time.monotonic() + 0.1, 0
         while self._running:
-            which = min(range(len(due)), key=lambda i: due[i][0])
-            when_s, gaps, send = due[which]
-            if self._wait(when_s - time.monotonic()):
+            if self._wait(due_s - time.monotonic()):
                 continue
-            send()
-            due[which] = (when_s + gaps[turns[which] % len(gaps)], gaps, send)
-            turns[which] += 1
+            for every, send in self._streams:
+                if burst % every == 0:
+                    send()
+            due_s += self._gaps[burst % len(self._gaps)]
+            burst += 1
 
     def _wait(self, for_s: float) -> bool:
         """Take what arrives; True when something did, so that time has to be looked at again."""
