@@ -9,11 +9,9 @@ fixed part lies at fixed offsets, so that numpy reads a whole flight at once. Fl
 import struct
 import types
 import typing
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum, IntEnum
-from functools import partial
-from itertools import chain
 from operator import attrgetter
 from typing import Any
 
@@ -39,12 +37,16 @@ class Leaf:
 
 @dataclass(slots=True)
 class _Group:
-    """Leaves that exist together: those of one object that may be None, as seen from its parent group."""
+    """Leaves that exist together: those of one object that may be None, ``path`` away from its parent group."""
 
     parent: int
-    reach: Callable[[Any], Any]
+    path: str
     flag: str
     leaves: dict[str, list[tuple[str, Leaf, Any]]]  # by kind: attribute path, leaf, type
+
+    def ordered(self, kind: str) -> list[tuple[str, Leaf, Any]]:
+        """Those of a kind, single ones before vectors."""
+        return sorted(self.leaves[kind], key=lambda item: item[1].count > 1)
 
 
 class Layout:
@@ -52,15 +54,18 @@ class Layout:
 
     def __init__(self, kind: type, name: str) -> None:
         self.name = name
-        self._groups: list[_Group] = [_Group(-1, lambda value: value, "", {k: [] for k in (*_ORDER, "string")})]
+        self._groups: list[_Group] = [_Group(-1, "", "", {k: [] for k in (*_ORDER, "string")})]
         _collect(kind, "", "", 0, self._groups)
-        ordered = [(leaf, k) for k in _ORDER for leaf in self._ordered(k)]
-        self.leaves = [leaf for leaf, _ in ordered]
+        flags = [Leaf(group.flag, "bool") for group in self._groups[1:]]
+        self.leaves: list[Leaf] = []
+        for number_kind in _ORDER:
+            self.leaves += flags if number_kind == "bool" else []
+            self.leaves += [leaf for group in self._groups for _, leaf, _ in group.ordered(number_kind)]
         self.texts = [leaf for group in self._groups for _, leaf, _ in group.leaves["string"]]
         self.dtype = numpy_type(self.leaves)
-        self._pack = struct.Struct("<4s" + "".join(f"{leaf.count}{_STRUCT[leaf.kind]}" for leaf in self.leaves)).pack
-        self._takers = [self._taker(k) for k in ("float64", "int64", "uint8")]
-        self._flags = self._taker("bool")
+        self._fixed = _packer(
+            self._groups, "<4s" + "".join(f"{leaf.count}{_STRUCT[leaf.kind]}" for leaf in self.leaves)
+        )
         self._texts = [_texts(group.leaves["string"]) for group in self._groups]
 
     @property
@@ -70,16 +75,7 @@ class Layout:
 
     def pack(self, value: object) -> bytes:
         """One message."""
-        objects: list[Any] = []
-        for group in self._groups:
-            parent = value if group.parent < 0 else objects[group.parent]
-            objects.append(None if parent is None else group.reach(parent))
-        numbers: list[Any] = []
-        for take in self._takers:
-            take(objects, numbers)
-        numbers.extend([found is not None for found in objects[1:]])
-        self._flags(objects, numbers)
-        fixed = self._pack(HEADER, *numbers)
+        fixed, objects = self._fixed(value)
         if not self.texts:
             return fixed
         words: list[str] = []
@@ -87,35 +83,42 @@ class Layout:
             texts(found, words)
         return fixed + _strings(words, len(fixed) - len(HEADER))
 
-    def _ordered(self, kind: str) -> Iterator[Leaf]:
+
+def _packer(groups: list[_Group], layout: str) -> Callable[[Any], tuple[bytes, tuple[Any, ...]]]:
+    """Makes the function that packs the fixed part, and gives the groups' objects with it.
+
+    It is compiled from source, as ``dataclass`` makes ``__init__``: plain attribute access takes a third of the time of
+    a general walk, which was most of what a record cost.
+    """
+    names: dict[str, Any] = {"pack": struct.Struct(layout).pack, "HEADER": HEADER}
+    lines = ["def fixed(g0):"]
+    for i, group in enumerate(groups[1:], 1):
+        lines.append(f"    g{i} = None if g{group.parent} is None else g{group.parent}.{group.path}")
+    numbers = ["HEADER"]
+    for kind in _ORDER:
         if kind == "bool":
-            yield from (Leaf(group.flag, "bool") for group in self._groups[1:])
-        for group in self._groups:
-            yield from (leaf for _, leaf, _ in sorted(group.leaves[kind], key=lambda item: item[1].count > 1))
+            numbers += [f"g{i} is not None" for i in range(1, len(groups))]
+        for i, group in enumerate(groups):
+            items = [_item(f"g{i}.{path}".rstrip("."), leaf, typ, names) for path, leaf, typ in group.ordered(kind)]
+            if i == 0 or not items:
+                numbers += items
+            else:
+                zeros = sum(leaf.count for _, leaf, _ in group.leaves[kind])
+                numbers.append(f"*(({', '.join(items)},) if g{i} is not None else {(0,) * zeros})")
+    objects = ", ".join(f"g{i}" for i in range(len(groups)))
+    lines.append(f"    return pack({', '.join(numbers)}), ({objects},)")
+    exec("\n".join(lines), names)
+    made: Callable[[Any], tuple[bytes, tuple[Any, ...]]] = names["fixed"]
+    return made
 
-    def _taker(self, kind: str) -> Callable[[list[Any], list[Any]], None]:
-        """Appends the numbers of a kind, in the order of ``_ordered``: single ones of a group before its vectors."""
-        parts: list[tuple[int, Callable[[Any, list[Any]], None]]] = []
-        for index, group in enumerate(self._groups):
-            single = [(path, typ) for path, leaf, typ in group.leaves[kind] if leaf.count == 1]
-            vectors = [path for path, leaf, _ in group.leaves[kind] if leaf.count > 1]
-            size = sum(leaf.count for _, leaf, _ in group.leaves[kind])
-            if kind == "uint8" and single:
-                parts.append((index, _members(single)))
-            elif single:
-                parts.append((index, _singles([path for path, _ in single])))
-            if vectors:
-                parts.append((index, _vectors(vectors)))
-            if size:
-                parts.append((index, partial(_zeros, size)))
 
-        def take(objects: list[Any], numbers: list[Any]) -> None:
-            for index, part in parts:
-                found = objects[index]
-                if (found is None) is (isinstance(part, partial)):
-                    part(found, numbers)
-
-        return take
+def _item(source: str, leaf: Leaf, kind: Any, names: dict[str, Any]) -> str:
+    """The expression of a leaf: a number, an unpacked vector, or the place of an enumeration's member."""
+    if leaf.kind == "uint8":
+        table = f"members{len(names)}"
+        names[table] = {member: i for i, member in enumerate(kind)}
+        return f"{table}[{source}]"
+    return f"*{source}" if leaf.count > 1 else source
 
 
 def numpy_type(leaves: list[Leaf]) -> np.dtype[Any]:
@@ -182,7 +185,7 @@ def _collect(kind: type, name: str, path: str, index: int, groups: list[_Group])
         here = _join(path, field.name, ".")
         inner = _optional(hint)
         if inner is not None:
-            groups.append(_Group(index, attrgetter(here), f"{_front(below)}", {k: [] for k in (*_ORDER, "string")}))
+            groups.append(_Group(index, here, f"{_front(below)}", {k: [] for k in (*_ORDER, "string")}))
             if is_dataclass(inner):
                 _collect(inner, below, "", len(groups) - 1, groups)  # type: ignore[arg-type]
             else:
@@ -235,26 +238,6 @@ def _getter(paths: list[str]) -> Callable[[Any], tuple[Any, ...]]:
         return lambda value: (value,)
     get = attrgetter(*paths)
     return get if len(paths) > 1 else lambda value: (get(value),)
-
-
-def _singles(paths: list[str]) -> Callable[[Any, list[Any]], None]:
-    get = _getter(paths)
-    return lambda value, numbers: numbers.extend(get(value))
-
-
-def _vectors(paths: list[str]) -> Callable[[Any, list[Any]], None]:
-    get = _getter(paths)
-    return lambda value, numbers: numbers.extend(chain.from_iterable(get(value)))
-
-
-def _members(single: list[tuple[str, Any]]) -> Callable[[Any, list[Any]], None]:
-    get = _getter([path for path, _ in single])
-    tables = [{member: i for i, member in enumerate(kind)} for _, kind in single]
-    return lambda value, numbers: numbers.extend(t[v] for t, v in zip(tables, get(value), strict=True))
-
-
-def _zeros(size: int, value: Any, numbers: list[Any]) -> None:
-    numbers.extend([0] * size)
 
 
 def _texts(leaves: list[tuple[str, Leaf, Any]]) -> Callable[[Any, list[str]], None]:

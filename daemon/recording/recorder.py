@@ -25,7 +25,8 @@ from daemon.recording.topics import Note, Step
 from daemon.recording.writer import RecordWriter
 
 BACKLOG = 1000  # entries between loop and writer; ten seconds of a disk that hangs
-WAKE_EVERY = 10  # ticks; right after a tick the interpreter is free until the next one
+WAKE_EVERY = 25  # ticks, so that most find the caches warm; right after a tick the interpreter is free until the next
+LIVE_WAKE_EVERY = 10  # the same when somebody may look
 IDLE_S = 0.5  # how long the writer sleeps when no ticks come
 CLOSE_S = 1.0
 
@@ -79,6 +80,7 @@ class Recorder:
         self._entries: deque[Step | Note] = deque()
         self._dropped = 0
         self._told_drops = 0
+        self._wake_every = WAKE_EVERY if settings.live_port is None else LIVE_WAKE_EVERY
         self._since_wake = 0
         self._wake = threading.Event()
         self._closing = False
@@ -95,7 +97,7 @@ class Recorder:
             return
         self._entries.append(Step(state, inputs, record))
         self._since_wake += 1
-        if self._since_wake >= WAKE_EVERY:
+        if self._since_wake >= self._wake_every:
             self._since_wake = 0
             self._wake.set()
 

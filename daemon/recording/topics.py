@@ -198,10 +198,10 @@ class Topics:
             self._imu.log(IMU.pack(inputs.imu), log_time=ns)
         if inputs.window is not None and (last is None or inputs.window is not last.window):
             self._window.log(pack_window(inputs.window), log_time=ns)
-        if last is None or inputs.status != last.status:
+        if last is None or (inputs.status is not last.status and inputs.status != last.status):
             self._status.log(codec.text(inputs.status).encode(), log_time=ns)
             self._scene.locate(inputs.status.global_position, ns)
-        if last is None or inputs.parameters != last.parameters:
+        if last is None or (inputs.parameters is not last.parameters and inputs.parameters != last.parameters):
             self._parameters.log(codec.text(inputs.parameters).encode(), log_time=ns)
         if last is None or _rest(inputs) != _rest(last):
             self._rest.log(dict(zip(REST, map(codec.encode, _rest(inputs)), strict=True)), log_time=ns)
