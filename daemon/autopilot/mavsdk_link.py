@@ -29,7 +29,7 @@ from daemon.autopilot.session_link import SessionLink
 from daemon.autopilot.threads import ThreadStates, aside
 from daemon.messages import AutopilotStatus, FlightMode, Setpoint
 
-_POLL_S = 0.05
+_POLL_S = 0.1
 _RETRY_S = 1.0
 _CLOSE_S = 0.8
 _REMEMBERED_LINES = 256

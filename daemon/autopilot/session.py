@@ -141,7 +141,7 @@ class Px4Session:
         return True
 
     def poll(self, now_s: float) -> None:
-        """Time passes: notice a lost link, repeat what was not answered. Call it every 50 ms or more often."""
+        """Time passes: notice a lost link, repeat what was not answered. Call it every 100 ms or more often."""
         silent = now_s - self._last_arrival_s > self.params.link_timeout_s
         if not self._flowing and not silent:
             self._begin_flow(now_s)  # samples alone came back, by the hot path

@@ -51,21 +51,20 @@ class TimerfdAlarm:
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
-        self._libc = ctypes.CDLL(None, use_errno=True)
+        # Not CDLL, which would give the interpreter lock to another thread just when a tick is due.
+        self._libc = ctypes.PyDLL(None, use_errno=True)
         self._fd = self._libc.timerfd_create(_CLOCK_MONOTONIC, _TFD_NONBLOCK_CLOEXEC)
         if self._fd < 0:
             raise OSError(ctypes.get_errno(), "timerfd_create")
+        self._when_s = 0.0
         self._callback: Callable[[], None] | None = None
         loop.add_reader(self._fd, self._ring)
 
     def set(self, when_s: float, callback: Callable[[], None]) -> None:
         """See ``Alarm``."""
-        self._callback = callback
+        self._when_s, self._callback = when_s, callback
         seconds = floor(when_s)
-        nanoseconds = max(1, int((when_s - seconds) * 1e9))  # all zero would disarm it
-        spec = struct.pack("qqqq", 0, 0, seconds, nanoseconds)
-        if self._libc.timerfd_settime(self._fd, _TFD_TIMER_ABSTIME, spec, None) != 0:
-            raise OSError(ctypes.get_errno(), "timerfd_settime")
+        self._arm(seconds, max(1, int((when_s - seconds) * 1e9)))  # all zero would disarm it
 
     def close(self) -> None:
         """See ``Alarm``."""
@@ -74,13 +73,20 @@ class TimerfdAlarm:
             os.close(self._fd)
             self._fd = -1
 
+    def _arm(self, seconds: int, nanoseconds: int) -> None:
+        """Set the time, which also forgets an expiry: nothing has to be read."""
+        spec = struct.pack("qqqq", 0, 0, seconds, nanoseconds)
+        if self._libc.timerfd_settime(self._fd, _TFD_TIMER_ABSTIME, spec, None) != 0:
+            raise OSError(ctypes.get_errno(), "timerfd_settime")
+
     def _ring(self) -> None:
-        try:
-            os.read(self._fd, 8)
-        except BlockingIOError:  # set again between the expiry and this call
+        if self._loop.time() < self._when_s:  # set again between the expiry and this call
             return
-        if self._callback is not None:
-            self._callback()
+        callback, self._callback = self._callback, None
+        if callback is None:  # nobody has set it again
+            self._arm(0, 0)
+        else:
+            callback()
 
 
 def live_alarm(loop: asyncio.AbstractEventLoop) -> Alarm:

@@ -94,6 +94,31 @@ async def test_the_timerfd_calls_back_after_its_time_and_not_before() -> None:
     alarm.close()
 
 
+async def test_a_timerfd_set_again_after_its_expiry_keeps_the_new_time() -> None:
+    loop = asyncio.get_running_loop()
+    rung: asyncio.Future[float] = loop.create_future()
+    alarm = TimerfdAlarm(loop)
+    alarm.set(loop.time() - 1.0, lambda: rung.set_result(-1.0))
+    loop.call_soon(lambda: alarm.set(due_s, lambda: rung.set_result(loop.time())))  # in the turn that sees the expiry
+    due_s = loop.time() + 0.02
+    assert await asyncio.wait_for(rung, 10.0) >= due_s
+    alarm.close()
+
+
+async def test_a_timerfd_that_nobody_sets_again_rings_once_and_leaves_the_loop_asleep() -> None:
+    loop = asyncio.get_running_loop()
+    rung: list[float] = []
+    alarm = TimerfdAlarm(loop)
+    ring, turns = alarm._ring, list[float]()
+    loop.remove_reader(alarm._fd)
+    loop.add_reader(alarm._fd, lambda: (turns.append(loop.time()), ring()))
+    alarm.set(loop.time(), lambda: rung.append(loop.time()))
+    await asyncio.sleep(0.1)
+    assert len(rung) == 1
+    assert len(turns) <= 3
+    alarm.close()
+
+
 def test_a_closed_timerfd_leaves_no_descriptor() -> None:
     loop = asyncio.new_event_loop()
     before = len(list(Path("/proc/self/fd").iterdir()))
