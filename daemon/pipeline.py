@@ -14,11 +14,11 @@ from daemon.control.parameters import ControlParameters
 from daemon.estimation import estimator, predictor
 from daemon.estimation.estimator import Estimate, EstimatorParameters, EstimatorState
 from daemon.estimation.predictor import PredictorParameters, SentRates
+from daemon.guidance import reference_window
 from daemon.guidance.brake import brake
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.plan import Plan
 from daemon.messages import (
-    WINDOW_SPACING_S,
     ZERO3,
     AutopilotStatus,
     ClockSync,
@@ -181,7 +181,9 @@ def _with_reset(state: PipelineState, estimate: Estimate) -> PipelineState:
         control=controller.shifted(state.control, reset),
         acceleration_ned_m_s2=frames.rotate_about_down(state.acceleration_ned_m_s2, reset.yaw_rad),
         flown=state.flown
-        and _shifted(state.flown, reset.position_ned_m, reset.velocity_ned_m_s, reset.yaw_rad, state.flown.time_s),
+        and reference_window.shifted(
+            state.flown, reset.position_ned_m, reset.velocity_ned_m_s, reset.yaw_rad, state.flown.time_s
+        ),
         braking=None,
     )
 
@@ -235,8 +237,8 @@ def _reference(
         if ours not in FLYING or predicted is None:
             return None, braking
         flown = at_rest(predicted, act_s)
-    if window is not None and _covers(window, act_s):
-        return _sample(window, shift, act_s), None
+    if window is not None and reference_window.covers(window, act_s):
+        return reference_window.sample(window, shift, act_s), None
     braking = braking or brake(flown, limits)
     return braking.sample(act_s), braking
 
@@ -263,59 +265,6 @@ def _command(
     if how is Drive.LEVEL or flown is None:
         return state, controller.level(state, predicted, parameters=parameters), None
     return controller.step(state, newest, predicted, flown, dt_s, parameters=parameters)
-
-
-def _covers(window: ReferenceWindow, time_s: float) -> bool:
-    samples = window.samples
-    return bool(samples) and samples[0].time_s <= time_s <= samples[-1].time_s + WINDOW_SPACING_S
-
-
-def _sample(window: ReferenceWindow, shift: FrameShift, time_s: float) -> Reference:
-    """The window at a moment, by its own derivatives from the nearest sample, in the frame of now.
-
-    Not from the sample before: on the window's own grid, rounding would choose between a sample and a whole spacing.
-    """
-    first = window.samples[0].time_s
-    index = min(round((time_s - first) / WINDOW_SPACING_S), len(window.samples) - 1)
-    reference = _extrapolated(window.samples[index], time_s)
-    if window.shift.count == shift.count:
-        return reference
-    return _shifted(
-        reference,
-        frames.subtract(shift.position_ned_m, window.shift.position_ned_m),
-        frames.subtract(shift.velocity_ned_m_s, window.shift.velocity_ned_m_s),
-        shift.yaw_rad - window.shift.yaw_rad,
-        shift.time_s,
-    )
-
-
-def _extrapolated(r: Reference, time_s: float) -> Reference:
-    t = time_s - r.time_s
-    p, v, a, j = r.position_ned_m, r.velocity_ned_m_s, r.acceleration_ned_m_s2, r.jerk_ned_m_s3
-    t2, t3 = 0.5 * t * t, t * t * t / 6.0
-    return Reference(
-        time_s=time_s,
-        position_ned_m=(
-            p[0] + v[0] * t + a[0] * t2 + j[0] * t3,
-            p[1] + v[1] * t + a[1] * t2 + j[1] * t3,
-            p[2] + v[2] * t + a[2] * t2 + j[2] * t3,
-        ),
-        velocity_ned_m_s=(v[0] + a[0] * t + j[0] * t2, v[1] + a[1] * t + j[1] * t2, v[2] + a[2] * t + j[2] * t2),
-        acceleration_ned_m_s2=(a[0] + j[0] * t, a[1] + j[1] * t, a[2] + j[2] * t),
-        jerk_ned_m_s3=j,
-        yaw_rad=frames.wrap_pi(r.yaw_rad + r.yaw_rate_rad_s * t),
-        yaw_rate_rad_s=r.yaw_rate_rad_s,
-    )
-
-
-def _shifted(r: Reference, dp: Vec3, dv: Vec3, dyaw: float, since_s: float) -> Reference:
-    since = max(0.0, r.time_s - since_s)
-    return replace(
-        r,
-        position_ned_m=frames.add(frames.add(r.position_ned_m, dp), frames.scale(dv, since)),
-        velocity_ned_m_s=frames.add(r.velocity_ned_m_s, dv),
-        yaw_rad=frames.wrap_pi(r.yaw_rad + dyaw),
-    )
 
 
 def at_rest(state: EstimatedState, time_s: float) -> Reference:
