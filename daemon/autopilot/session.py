@@ -6,21 +6,19 @@ Both links are thin transports around it. All of it belongs to one thread, excep
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf
 
-from daemon.autopilot import decode, events, streams
+from daemon.autopilot import decode, events, status_messages, streams
 from daemon.autopilot.acks import CommandAcks, Done, ModeAcks
 from daemon.autopilot.ordering import Order, SampleOrder
 from daemon.autopilot.param_reads import ParamReads, Value
 from daemon.autopilot.port import NotConnectedError
 from daemon.autopilot.px4 import (
     CMD_SET_MODE,
-    MAV_AUTOPILOT_PX4,
     Fields,
     Message,
-    is_armed,
     is_requestable,
-    mode_from_custom,
     set_mode,
 )
 from daemon.autopilot.timesync import TimeSync
@@ -30,10 +28,8 @@ from daemon.messages import (
     ClockSync,
     FlightMode,
     Imu,
-    LandedState,
     ModeRefusal,
     Odometry,
-    SystemStatus,
 )
 
 SAMPLES = ("ODOMETRY", "HIGHRES_IMU")
@@ -80,19 +76,14 @@ class Px4Session:
         self._refused: tuple[int, FlightMode, float] | None = None
         self._outgoing: list[Message] = []
         self._handlers: dict[str, Callable[[Fields, float], None]] = {
-            "HEARTBEAT": self._on_heartbeat,
-            "CURRENT_MODE": self._on_current_mode,
             "EVENT": self._on_event,
             "TIMESYNC": self._on_timesync,
             "COMMAND_ACK": self._on_command_ack,
-            "EXTENDED_SYS_STATE": self._on_extended_sys_state,
-            "SYS_STATUS": self._on_sys_status,
-            "GLOBAL_POSITION_INT": self._on_global_position,
-            "HOME_POSITION": self._on_home_position,
-            "GPS_GLOBAL_ORIGIN": self._on_global_origin,
             "PARAM_VALUE": self._on_param_value,
             "PARAM_ERROR": self._on_param_error,
         }
+        for name, after in status_messages.AFTER.items():
+            self._handlers[name] = partial(self._on_status, after)
 
     @property
     def wanted(self) -> tuple[str, ...]:
@@ -141,7 +132,7 @@ class Px4Session:
         return True
 
     def poll(self, now_s: float) -> None:
-        """Time passes: notice a lost link, repeat what was not answered. Call it every 100 ms or more often."""
+        """Time passes: notice a lost link, repeat what was not answered. Call it every 0.1 s or so."""
         silent = now_s - self._last_arrival_s > self.params.link_timeout_s
         if not self._flowing and not silent:
             self._begin_flow(now_s)  # samples alone came back, by the hot path
@@ -203,6 +194,9 @@ class Px4Session:
     def _update(self, **changes: object) -> None:
         self.status.set(replace(self.status.value, **changes))  # type: ignore[arg-type]
 
+    def _on_status(self, after: status_messages.After, fields: Fields, now_s: float) -> None:
+        self.status.set(after(self.status.value, fields, now_s))
+
     def _count_malformed(self, name: str) -> None:
         self.malformed[name] = self.malformed.get(name, 0) + 1
 
@@ -244,28 +238,6 @@ class Px4Session:
         self._outgoing += self._time_sync.receive(fields, now_s)
         self._publish_clock()
 
-    def _on_heartbeat(self, fields: Fields, now_s: float) -> None:
-        if int(fields["autopilot"]) != MAV_AUTOPILOT_PX4:
-            return
-        mode = mode_from_custom(int(fields["custom_mode"]))
-        system_status = SystemStatus(int(fields["system_status"]))
-        status = self.status.value
-        # A new mode shows here before CURRENT_MODE does: without a failsafe it is also the intended one.
-        follows = system_status < SystemStatus.CRITICAL and (mode is not status.mode or not status.connected)
-        self._update(
-            connected=True,
-            heartbeat_s=now_s,
-            mode=mode,
-            intended_mode=mode if follows else status.intended_mode,
-            armed=is_armed(int(fields["base_mode"])),
-            system_status=system_status,
-        )
-
-    def _on_current_mode(self, fields: Fields, _now_s: float) -> None:
-        mode = mode_from_custom(int(fields["custom_mode"]))
-        intended = mode_from_custom(int(fields["intended_custom_mode"]))
-        self._update(mode=mode, intended_mode=mode if intended is FlightMode.UNKNOWN else intended)
-
     def _on_event(self, fields: Fields, now_s: float) -> None:
         event = events.decode(fields)
         self._reasons.note(event, now_s)
@@ -304,22 +276,6 @@ class Px4Session:
 
     def _why_not_armed(self, now_s: float) -> Callable[[int], str]:
         return lambda result: self._reasons.why(result, self.status.value.intended_mode, now_s)
-
-    def _on_extended_sys_state(self, fields: Fields, _now_s: float) -> None:
-        self._update(landed=LandedState(int(fields["landed_state"])))
-
-    def _on_sys_status(self, fields: Fields, _now_s: float) -> None:
-        self._update(battery_fraction=decode.battery_fraction(fields))
-
-    def _on_global_position(self, fields: Fields, _now_s: float) -> None:
-        self._update(global_position=decode.global_position(fields, "lat", "lon", "alt"))
-
-    def _on_home_position(self, fields: Fields, _now_s: float) -> None:
-        home = decode.global_position(fields, "latitude", "longitude", "altitude")
-        self._update(home=home, home_ned_m=decode.home_ned(fields))
-
-    def _on_global_origin(self, fields: Fields, _now_s: float) -> None:
-        self._update(global_origin=decode.global_position(fields, "latitude", "longitude", "altitude"))
 
     def _on_param_value(self, fields: Fields, _now_s: float) -> None:
         value = fields["param_value"]
