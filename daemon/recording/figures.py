@@ -104,7 +104,11 @@ def timing(scene: Scene) -> Figure:
                 continue
             low, high = np.percentile(known, (0.0, 99.8))
             edges = np.linspace(low, max(high, low + 0.1), 60)
-            axes.hist(np.clip(known, edges[0], edges[-1]), bins=list(edges), color=WANTED, log=True)
+            counts, _, bars = axes.hist(np.clip(known, edges[0], edges[-1]), bins=list(edges), color=WANTED, log=True)
+            if known.max() > edges[-1]:
+                bars[-1].set_color(MUTED)
+                place, offset = (edges[-1], counts[-1]), (0.0, 2.0)
+                axes.annotate("and longer", place, offset, textcoords="offset points", ha="right", color=MUTED)
             axes.axvline(float(np.percentile(known, 99)), color=FLOWN, lw=1.2)
             axes.annotate(
                 f"p99 {np.percentile(known, 99):.2f}, largest {known.max():.1f}",
