@@ -154,7 +154,7 @@ class DeadMan:
         self._gate = gate
         self._timing = timing
         self._report = report
-        self._stop = threading.Event()
+        self._stopped = False
         self._thread = threading.Thread(target=self._run, name="dead-man", daemon=True)
 
     def start(self) -> None:
@@ -163,12 +163,15 @@ class DeadMan:
 
     def stop(self) -> None:
         """End the thread; returns when it has ended, or after ``STOP_S`` when it is stuck in a send."""
-        self._stop.set()
+        self._stopped = True
         self._thread.join(STOP_S)
 
     def _run(self) -> None:
         watch = Watch(self._timing)
-        while not self._stop.wait(self._timing.poll_s):
+        while True:
+            time.sleep(self._timing.poll_s)
+            if self._stopped:
+                return
             action = watch.poll(boot_clock(), self._gate.ticks, self._gate.ours)
             if action is Action.LEVEL:
                 self._gate.level_once()
