@@ -12,9 +12,10 @@ import os
 import socket
 import sys
 import tempfile
-from collections.abc import AsyncIterator, Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from daemon.bench.loop_figures import Figures, figures_of, over_rounds
 from daemon.goals.client import FlightClient
@@ -27,13 +28,15 @@ _PATIENCE_S = 45.0
 _AGAIN_S = 0.3  # between tries to connect
 _ROOT = Path(__file__).resolve().parent.parent.parent
 _LOAD = "while True: pass"
+_LAST_CORE = max(os.sched_getaffinity(0))
+_REAL_TIME = {"realtime_priority": 40, "cpu_affinity": [_LAST_CORE]}  # as docs/installation.md has it for a vehicle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flight:
     """Who flies, how: ``loaded`` keeps one core busy, ``uneven`` has PX4's gaps of 8 and 16 ms between ODOMETRY.
 
-    ``real_time``: on the last core alone and under SCHED_FIFO, as docs/installation.md has it for a vehicle.
+    ``loops``: settings of the daemon's that differ from its own. ``one_core``: a client that is held on the last core.
     """
 
     name: str
@@ -41,7 +44,8 @@ class Flight:
     loaded: bool = False
     uneven: bool = False
     recorded: bool = False
-    real_time: bool = False
+    one_core: bool = False
+    loops: Mapping[str, Any] = field(default_factory=dict)
     subscribers: int = 0
     rate_hz: float = 100.0
     python: str = sys.executable
@@ -56,7 +60,7 @@ def programme(rate_hz: float, grpc_python: str | None) -> list[Flight]:
         Flight(name="flightd", rate_hz=rate_hz),
         Flight(name="flightd, uneven", uneven=True, rate_hz=rate_hz),
         Flight(name="flightd, recording", recorded=True, rate_hz=rate_hz),
-        Flight(name="flightd, recording, real time", recorded=True, real_time=True, rate_hz=rate_hz),
+        Flight(name="flightd, recording, real time", recorded=True, loops=_REAL_TIME, rate_hz=rate_hz),
         Flight(name="flightd, recording, 5 subscribers", recorded=True, subscribers=5, rate_hz=rate_hz),
         Flight(name="flightd, loaded", loaded=True, rate_hz=rate_hz),
     ]
@@ -71,7 +75,8 @@ def programme(rate_hz: float, grpc_python: str | None) -> list[Flight]:
         clients.append(("mavsdk-grpc", "grpc_api", grpc_python or sys.executable))
     idle = [Flight(name=name, client=module, python=python) for name, module, python in clients]
     loaded = [Flight(name=f"{f.name}, loaded", client=f.client, python=f.python, loaded=True) for f in idle]
-    return [*daemon, *rates, *idle, *loaded]
+    held = Flight(name="asyncio API, one core", client="asyncio_api", one_core=True)
+    return [*daemon, *rates, *idle, held, *loaded]
 
 
 async def measure(
@@ -110,12 +115,13 @@ async def _flown(
         arguments = ["-m", f"daemon.bench.contestants.{flight.client}", *times]
     else:
         record = str(folder / "record") if flight.recorded else ""
-        how = [str(path), str(flight.rate_hz), record, str(int(flight.real_time))]
+        how = [str(path), str(flight.rate_hz), record, json.dumps(dict(flight.loops))]
         arguments = ["-m", "daemon.bench.loop_daemon", *times, *how]
+    held = ["taskset", "--cpu-list", str(_LAST_CORE)] if flight.one_core else []
     metronome = ["-m", "daemon.sim.metronome", str(port), "100", str(int(flight.uneven))]
     async with (
         process([sys.executable, *metronome], notes),
-        process([flight.python, *arguments], folder / "said") as running,
+        process([*held, flight.python, *arguments], folder / "said") as running,
     ):
         if flight.subscribers:
             subscribers = asyncio.create_task(_subscribe(path, received))

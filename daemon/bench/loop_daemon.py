@@ -19,7 +19,6 @@ from daemon.pipeline import Inputs, Record
 from daemon.safety.supervisor import State
 
 _CONNECT_S = 20.0
-_REAL_TIME: dict[str, Any] = {"realtime_priority": 40, "cpu_affinity": [max(os.sched_getaffinity(0))]}
 _REPLAYED = 500
 
 
@@ -90,11 +89,11 @@ def _ready(vehicle: Vehicle) -> bool:
 
 
 def main() -> None:
-    """``python -m daemon.bench.loop_daemon PORT SECONDS WARM_UP SOCKET RATE_HZ RECORD REAL_TIME``.
+    """``python -m daemon.bench.loop_daemon PORT SECONDS WARM_UP SOCKET RATE_HZ RECORD LOOPS``.
 
-    RECORD: a folder, or empty. REAL_TIME: 1 for the last core alone under SCHED_FIFO, 0 for neither.
+    RECORD: a folder, or empty. LOOPS: settings of that section, as JSON.
     """
-    port, seconds, warm_up_s, path, rate_hz, folder, real_time = sys.argv[1:8]
+    port, seconds, warm_up_s, path, rate_hz, folder, more = sys.argv[1:8]
     flights: list[Flight] = []
     recording = {"enabled": bool(folder), "when": "always", **({"directory": folder} if folder else {})}
     code = app.run(
@@ -102,7 +101,7 @@ def main() -> None:
         f"udpin://127.0.0.1:{port}",
         Path(path),
         watch=lambda vehicle: flights.append(Flight(vehicle, float(warm_up_s), float(seconds))),
-        loops={"control_rate_hz": float(rate_hz), **(_REAL_TIME if real_time == "1" else {})},
+        loops={"control_rate_hz": float(rate_hz), **json.loads(more)},
         recording=recording,
         log={"level": "error"},
     )

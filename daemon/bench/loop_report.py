@@ -26,6 +26,8 @@ _RATIOS = (
     ("deviation p99 / synchronous plugin", "flightd", "deviation_p99_ms", "synchronous plugin", "0.7"),
     ("deviation p99 / C, SCHED_FIFO", "flightd", "deviation_p99_ms", "C, SCHED_FIFO", ""),
     ("CPU, recording / asyncio API", "flightd, recording", "cpu_pct", "asyncio API", "1.0"),
+    ("CPU, recording, real time / asyncio API", "flightd, recording, real time", "cpu_pct", "asyncio API", "1.0"),
+    ("the same / asyncio API on one core", "flightd, recording, real time", "cpu_pct", "asyncio API, one core", ""),
     ("CPU, recording / mavsdk-grpc", "flightd, recording", "cpu_pct", "mavsdk-grpc", "1.0"),
 )
 _LONG_S = 60.0  # from which on a slope of memory means something
@@ -95,9 +97,10 @@ def ratios(figures: dict[str, Figures]) -> dict[str, float]:
 def compared(now: dict[str, Figures], before: dict[str, Any] | None) -> str:
     """The ratios of now, what is wanted of them, and those of committed figures where there are some."""
     new, old = ratios(now), ratios(before["flights"]) if before else {}
-    lines = [f"{'ratio in this run':<36}{'now':>8}{'at most':>10}{'committed':>12}"]
+    width = max(len(title) for title, *_ in _RATIOS) + 1
+    lines = [f"{'ratio in this run':<{width}}{'now':>8}{'at most':>10}{'committed':>12}"]
     for title, _, _, _, wanted in _RATIOS:
         if title in new:
             committed = f"{old[title]:.2f}" if title in old else "-"
-            lines.append(f"{title:<36}{new[title]:>8.2f}{wanted or '-':>10}{committed:>12}")
+            lines.append(f"{title:<{width}}{new[title]:>8.2f}{wanted or '-':>10}{committed:>12}")
     return "\n".join(lines) if len(lines) > 1 else ""
