@@ -25,7 +25,7 @@ from daemon.recording.topics import Note, Step
 from daemon.recording.writer import RecordWriter
 
 BACKLOG = 1000  # entries between loop and writer; ten seconds of a disk that hangs
-WAKE_EVERY = 25  # ticks, so that most find the caches warm; right after a tick the interpreter is free until the next
+WAKE_EVERY = 25  # ticks; right after a tick the interpreter is free until the next one
 LIVE_WAKE_EVERY = 10  # the same when somebody may look
 IDLE_S = 0.5  # how long the writer sleeps when no ticks come
 CLOSE_S = 1.0
