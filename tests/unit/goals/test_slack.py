@@ -5,7 +5,6 @@ from math import floor
 import pytest
 
 from daemon.goals.slack import LEAST_GUARD_S, MOST_WAIT_S, PAUSE_S, Slack
-from daemon.goals.turns import Turns
 from daemon.sim.virtual_time import run_virtual
 
 PERIOD_S = 0.01
@@ -103,14 +102,3 @@ def test_worker_that_fails_does_not_end_the_others():
         return done
 
     assert run_virtual(scenario()) == ["told", "next", "later"]
-
-
-def test_users_take_turns_then_processes_then_what_they_asked_for():
-    turns = Turns()
-    for item in range(4):
-        turns.put(1, 10, f"one-{item}")
-    turns.put(1, 11, "other process")
-    turns.put(2, 20, "other user")
-    taken = [turns.take() for _ in range(6)]
-    assert taken == ["one-0", "other user", "other process", "one-1", "one-2", "one-3"]
-    assert not turns
