@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from daemon.bench.loop_figures import Figures, figures_of, over_rounds
+from daemon.bench.stillness import Stillness
 from daemon.goals.client import FlightClient
 from daemon.goals.client_errors import NoDaemonError
 
@@ -49,6 +50,11 @@ class Flight:
     subscribers: int = 0
     rate_hz: float = 100.0
     python: str = sys.executable
+
+    @property
+    def cores(self) -> set[int]:
+        """Those that the client may run on."""
+        return {_LAST_CORE} if self.one_core or "cpu_affinity" in self.loops else os.sched_getaffinity(0)
 
 
 def programme(rate_hz: float, grpc_python: str | None) -> list[Flight]:
@@ -94,12 +100,13 @@ async def measure(
 
 async def _fly(flight: Flight, seconds: float) -> Figures:
     with tempfile.TemporaryDirectory() as folder:
+        stillness = Stillness(flight.cores)
         try:
-            async with contextlib.AsyncExitStack() as stack:
+            async with stillness.watched(process), contextlib.AsyncExitStack() as stack:
                 said, log = await _flown(flight, seconds, Path(folder), stack)
         except (OSError, ValueError) as error:
             return {"error": f"{type(error).__name__} {error}".strip()}
-        return said if "error" in said else figures_of(said, log, 1.0 / flight.rate_hz)
+        return said if "error" in said else figures_of(said, log, 1.0 / flight.rate_hz, stillness.spans)
 
 
 async def _flown(

@@ -7,6 +7,7 @@ from statistics import linear_regression, median
 from typing import Any
 
 from daemon.bench.quantiles import quantile
+from daemon.bench.stillness import Span, still_s
 from daemon.sim.metronome import NUMBERS
 
 Figures = dict[str, Any]
@@ -14,7 +15,10 @@ Figures = dict[str, Any]
 OVERTAKEN_S = 1e-3
 _OWN = frozenset({"from_s", "to_s", "cpu_s", "rss_mb", "used", "memory"})
 PARTS = ("wire to callback", "callback to tick", "tick to wire")
-_COUNTS = frozenset({"setpoints", "overtaken", "late", "missed", "missed_collecting", "collections", "rounds"})
+_STILL = ("still_ms", "missing_own", "overtaken_own")
+_COUNTS = frozenset(
+    {"setpoints", "missing", "overtaken", "late", "missed", "missed_collecting", "collections", "rounds", *_STILL}
+)
 
 
 @dataclass(slots=True)
@@ -22,18 +26,23 @@ class Delays:
     """Seconds from ODOMETRY on the wire to setpoints on the wire, both by the clock of the autopilot's end.
 
     ``every``: to each setpoint from the sample that it was computed from, so a sample that was used again counts again.
-    ``first``: from each sample that was used to the first setpoint that used it. ``overtaken``: setpoints before which
-    a newer sample had been sent by ``OVERTAKEN_S`` or more. ``parts``: each of ``first`` as ``PARTS``, of the daemon.
+    ``first``: from each sample that was used to the first setpoint that used it. ``overtaken``: of setpoints before which
+    a newer sample had been sent by ``OVERTAKEN_S`` or more, when that was and when they left. ``parts``: each of ``first``
+    as ``PARTS``, of the daemon.
     """
 
     every: list[float] = field(default_factory=list)
     first: list[float] = field(default_factory=list)
-    overtaken: int = 0
+    overtaken: list[Span] = field(default_factory=list)
     parts: list[tuple[float, float, float]] = field(default_factory=list)
 
 
-def figures_of(said: Figures, log: Figures, period_s: float) -> Figures:
-    """Milliseconds, per cent of a core and megabytes, over the time that the client counted."""
+def figures_of(said: Figures, log: Figures, period_s: float, still: Sequence[Span] | None = None) -> Figures:
+    """Milliseconds, per cent of a core and megabytes, over the time that the client counted.
+
+    ``still``: when the machine itself stood still, if that was watched: ``missing_own`` and ``overtaken_own`` are what
+    would be left if those times had not been.
+    """
     from_s, to_s = said["from_s"], said["to_s"]
     setpoints = [(at_s, thrust) for at_s, thrust in log["setpoints"] if from_s <= at_s <= to_s]
     gaps = [after - before for (before, _), (after, _) in pairwise(setpoints)]
@@ -52,11 +61,23 @@ def figures_of(said: Figures, log: Figures, period_s: float) -> Figures:
         "delay_p99_ms": 1e3 * quantile(delays.every, 0.99),
         "first_p50_ms": 1e3 * quantile(delays.first, 0.5),
         "first_p99_ms": 1e3 * quantile(delays.first, 0.99),
-        "overtaken": delays.overtaken,
+        "missing": _missing(gaps, period_s),
+        "overtaken": len(delays.overtaken),
         "cpu_pct": 100.0 * said["cpu_s"] / (to_s - from_s),
         "cpu_s_per_minute": 60.0 * said["cpu_s"] / (to_s - from_s),
         "rss_mb": said["rss_mb"],
     }
+    if still is not None:
+        spans = [span for span in still if from_s <= span[1] and span[0] <= to_s]
+        ran = [after - before - still_s(spans, before, after) for (before, _), (after, _) in pairwise(setpoints)]
+        figures |= {
+            "still_ms": 1e3 * still_s(spans, from_s, to_s),
+            "still_max_ms": 1e3 * max((ended_s - begun_s for begun_s, ended_s in spans), default=0.0),
+            "missing_own": _missing(ran, period_s),
+            "overtaken_own": sum(
+                left_s - newer_s - still_s(spans, newer_s, left_s) >= OVERTAKEN_S for newer_s, left_s in delays.overtaken
+            ),
+        }
     if delays.parts:
         figures["parts"] = {
             f"{part} p{100 * share:.0f}_ms": 1e3 * quantile(seconds, share)
@@ -66,6 +87,11 @@ def figures_of(said: Figures, log: Figures, period_s: float) -> Figures:
     if "memory" in said:
         figures |= _memory(said["memory"])
     return figures | {key: value for key, value in said.items() if key not in _OWN}
+
+
+def _missing(gaps_s: Sequence[float], period_s: float) -> int:
+    """How many setpoints did not come between two that did; one that is merely late is not missing."""
+    return sum(max(0, int(gap_s / period_s + 0.1) - 1) for gap_s in gaps_s)
 
 
 def _memory(samples: Sequence[tuple[float, float]]) -> Figures:
@@ -109,7 +135,8 @@ def delays_of(
                 tick_s, _, arrival_s = used[tick]
                 found.parts.append((arrival_s - odometry[own][1], tick_s - arrival_s, at_s - tick_s))
             last = own
-        found.overtaken += own < newest and odometry[own + 1][1] <= at_s - OVERTAKEN_S
+        if own < newest and odometry[own + 1][1] <= at_s - OVERTAKEN_S:
+            found.overtaken.append((odometry[own + 1][1], at_s))
     return found
 
 

@@ -59,6 +59,12 @@ def _row(name: str, width: int, cells: Iterable[str]) -> str:
 def _remarks(name: str, f: Figures) -> list[str]:
     """What the table has no column for."""
     lines = _inside(f) if "stages_us" in f else []
+    if f.get("still_ms"):
+        lines.append(
+            f"the machine stood still for {f['still_ms']:.0f} ms, at most {f['still_max_ms']:.0f} in one go: of"
+            f" {f['missing']} missing setpoints {f['missing_own']} are left without that, of {f['overtaken']} overtaken"
+            f" {f['overtaken_own']}"
+        )
     if f.get("fifo") == 0:
         lines.append("SCHED_FIFO was refused")
     if f.get("failed"):

@@ -3,13 +3,12 @@
 import importlib.util
 import json
 import os
-import shutil
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
 from typing import NoReturn
 
+from daemon.bench.c_program import NotCompiledError, compile_c
 from daemon.bench.contestants.common import PORT, SECONDS, WARM_UP_S
 
 _SOURCE = Path(__file__).with_suffix(".c")
@@ -17,16 +16,16 @@ _SOURCE = Path(__file__).with_suffix(".c")
 
 def main() -> NoReturn:
     """Run the program in this process, or say why there is none."""
-    package, compiler = importlib.util.find_spec("mavsdk"), shutil.which("cc")
-    if package is None or package.origin is None or compiler is None:
-        _skipped("no C compiler (cc)" if compiler is None else "no mavsdk")
+    package = importlib.util.find_spec("mavsdk")
+    if package is None or package.origin is None:
+        _skipped("no mavsdk")
     library = Path(package.origin).parent / "lib" / "libcmavsdk.so"
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / "c_api"
-        command = [compiler, "-std=gnu11", "-O2", "-o", str(program), str(_SOURCE), str(library), "-lm", "-pthread"]
-        built = subprocess.run(command, capture_output=True, text=True)
-        if built.returncode != 0:
-            _skipped(f"{compiler} failed: {built.stderr.strip()[-300:]}")
+        try:
+            compile_c(_SOURCE, program, str(library), "-lm", "-pthread")
+        except NotCompiledError as error:
+            _skipped(str(error))
         file = os.open(program, os.O_RDONLY)
     # Preloaded, because the file in the wheel does not have the name that it gives itself (libcmavsdk.so.3).
     environment = {**os.environ, "LD_PRELOAD": str(library)}

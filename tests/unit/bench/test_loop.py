@@ -62,16 +62,64 @@ def test_a_sample_that_is_used_again_has_one_first_use() -> None:
     delays = delays_of(setpoints, [(1.001, 1, 1.0), (1.011, 1, 1.0), (1.021, 2, 1.0205), (1.031, 2, 1.0205)], odometry)
     assert delays.every == pytest.approx([0.002, 0.012, 0.003, 0.013])
     assert delays.first == pytest.approx([0.002, 0.003])
-    assert delays.overtaken == 0
+    assert delays.overtaken == []
     assert [sum(parts) for parts in delays.parts] == pytest.approx(delays.first)
     assert delays.parts[1] == pytest.approx((0.0005, 0.0005, 0.002))
 
 
 def test_a_setpoint_is_overtaken_from_a_millisecond_on() -> None:
     used = [(1.0, 1, 0.9901)]
-    for late_s, overtaken in ((0.0009, 0), (0.0011, 1)):
+    for late_s, overtaken in ((0.0009, []), (0.0011, [(1.002, 1.0031)])):
         odometry = [(1, 0.99), (2, 1.002)]
         assert delays_of([(1.002 + late_s, 0.5)], used, odometry).overtaken == overtaken
+
+
+def flight(*at_s: float) -> Figures:
+    """A log of setpoints at these times, each from ODOMETRY of 1 ms before."""
+    return {
+        "odometry": [(number, t - 0.001) for number, t in enumerate(at_s, 1)],
+        "setpoints": [(t, 0.3 + 1e-4 * number) for number, t in enumerate(at_s, 1)],
+    }
+
+
+@pytest.mark.parametrize(
+    ("still", "own"),
+    [
+        ([], 3),  # the machine ran: the client's own
+        ([(1.011, 1.050)], 0),  # 39 of the 40 ms are explained
+        ([(1.011, 1.0305)], 1),  # a gap of 20.5 ms is left: one setpoint
+        ([(0.950, 1.0101), (1.0499, 1.2)], 3),  # before and after
+        ([(1.011, 1.021), (1.029, 1.049)], 0),
+        ([(1.011, 1.032)], 0),  # 19 ms are left: late, but it came
+    ],
+)
+def test_missing_while_the_machine_stood_still_is_not_the_clients_own(
+    still: list[tuple[float, float]], own: int
+) -> None:
+    figures = figures_of(said(), flight(1.0, 1.01, 1.05, 1.06), 0.01, still)
+    assert figures["missing"] == 3
+    assert figures["missing_own"] == own
+
+
+def test_overtaken_while_the_machine_stood_still_is_not_the_clients_own() -> None:
+    log = {"odometry": [(1, 1.000), (2, 1.010)], "setpoints": [(1.015, 0.3001)]}
+    for still, own in (([], 1), ([(1.0105, 1.0148)], 0), ([(1.012, 1.014)], 1), ([(1.000, 1.0095)], 1)):
+        figures = figures_of(said(), log, 0.01, still)
+        assert (figures["overtaken"], figures["overtaken_own"]) == (1, own)
+
+
+def test_how_long_the_machine_stood_still_is_counted_within_the_flight() -> None:
+    still = [(-1.0, 0.002), (5.0, 5.004), (9.99, 12.0)]
+    figures = figures_of(said(), flight(1.0, 1.01), 0.01, still)
+    assert figures["still_ms"] == pytest.approx(2.0 + 4.0 + 10.0)
+    assert figures["missing_own"] == 0
+    assert "still_ms" not in figures_of(said(), flight(1.0, 1.01), 0.01)
+
+
+def test_what_the_machine_stood_still_is_told_where_it_did() -> None:
+    told = loop_report.table({"flightd": figures_of(said(), flight(1.0, 1.05), 0.01, [(1.01, 1.05)])})
+    assert "stood still for 40 ms, at most 40 in one go: of 4 missing setpoints 0 are left without that" in told
+    assert "stood still" not in loop_report.table({"flightd": figures_of(said(), flight(1.0, 1.05), 0.01, [])})
 
 
 def test_memory_has_a_slope_by_the_hour() -> None:
