@@ -26,9 +26,9 @@ class Delays:
     """Seconds from ODOMETRY on the wire to setpoints on the wire, both by the clock of the autopilot's end.
 
     ``every``: to each setpoint from the sample that it was computed from, so a sample that was used again counts again.
-    ``first``: from each sample that was used to the first setpoint that used it. ``overtaken``: of setpoints before which
-    a newer sample had been sent by ``OVERTAKEN_S`` or more, when that was and when they left. ``parts``: each of ``first``
-    as ``PARTS``, of the daemon.
+    ``first``: from each sample that was used to the first setpoint that used it. ``overtaken``: of the setpoints before
+    which a newer sample had been sent by ``OVERTAKEN_S`` or more, when that was and when they left. ``parts``: each of
+    ``first`` as ``PARTS``, of the daemon.
     """
 
     every: list[float] = field(default_factory=list)
@@ -75,7 +75,7 @@ def figures_of(said: Figures, log: Figures, period_s: float, still: Sequence[Spa
             "still_max_ms": 1e3 * max((ended_s - begun_s for begun_s, ended_s in spans), default=0.0),
             "missing_own": _missing(ran, period_s),
             "overtaken_own": sum(
-                left_s - newer_s - still_s(spans, newer_s, left_s) >= OVERTAKEN_S for newer_s, left_s in delays.overtaken
+                left_s - sent_s - still_s(spans, sent_s, left_s) >= OVERTAKEN_S for sent_s, left_s in delays.overtaken
             ),
         }
     if delays.parts:

@@ -28,7 +28,7 @@ class Stillness:
 
     @contextlib.asynccontextmanager
     async def watched(self, start: Start) -> AsyncIterator[None]:
-        """A witness on each core meanwhile. ``start`` runs a command with its output in a file, to the end of the block."""
+        """A witness on each core meanwhile. ``start`` runs a command to the end of the block, its output in a file."""
         with tempfile.TemporaryDirectory() as folder:
             program, notes = Path(folder) / "stillness", [Path(folder) / f"core{core}" for core in self._cores]
             try:
@@ -44,7 +44,7 @@ class Stillness:
 
 
 def spans_of(notes: Sequence[str]) -> list[Span] | None:
-    """The spans of all witnesses in order, those that touch as one; None when one of them was not permitted to watch."""
+    """The spans of all witnesses in order, those that touch as one; None when one was not permitted to watch."""
     if not all(note.startswith("watching") for note in notes):
         return None
     merged: list[Span] = []

@@ -120,14 +120,3 @@ def next_row(state: State, conditions: Conditions) -> Row | None:
         else:
             return row
     return None
-
-
-def to_mermaid() -> str:
-    """The table as a Mermaid state diagram, for the documentation."""
-    edges: dict[tuple[str, str], list[str]] = {}
-    for row in TABLE:
-        for state in sorted(row.states, key=lambda s: s.value):
-            if state is not row.to:
-                edges.setdefault((state.value, row.to.value), []).append(row.reason)
-    lines = [f"    {a} --> {b}: {', '.join(dict.fromkeys(reasons))}" for (a, b), reasons in edges.items()]
-    return "\n".join(["stateDiagram-v2", "    [*] --> disconnected", *lines])

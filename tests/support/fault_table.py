@@ -9,11 +9,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from daemon import logs
-from daemon.safety.supervisor import to_mermaid
 from support.fault_cases import CASES
 from support.fault_cases_live import CASES as LIVE_CASES
 from support.fault_live import LiveCase, LiveSeen, live_differences, strike_live
 from support.fault_matrix import Case, Seen, differences, strike
+from support.supervisor_text import diagram, rows
 
 MATRIX, LIVE_MATRIX, SUPERVISOR = "fault matrix", "fault matrix, live", "supervisor"
 HEAD = (
@@ -56,9 +56,9 @@ def replaced(text: str, name: str, body: str) -> str:
     return before + body + after
 
 
-def diagram() -> str:
-    """The supervisor's table as Mermaid, for Markdown."""
-    return f"```mermaid\n{to_mermaid()}\n```\n"
+def supervisor() -> str:
+    """The supervisor's diagram and table."""
+    return f"```mermaid\n{diagram()}\n```\n\n{rows()}\n"
 
 
 def _seconds(value: float | None) -> str:
@@ -80,7 +80,7 @@ def main(document: Path) -> int:
         wrong += _told(live.name, live_lines[-1], live_differences(live, live_seen))
     text = replaced(document.read_text(), MATRIX, "\n".join(lines) + "\n")
     text = replaced(text, LIVE_MATRIX, "\n".join(live_lines) + "\n")
-    document.write_text(replaced(text, SUPERVISOR, diagram()))
+    document.write_text(replaced(text, SUPERVISOR, supervisor()))
     return int(wrong > 0)
 
 

@@ -19,7 +19,7 @@ from daemon.safety import supervision as safety
 from daemon.safety.conditions import Bounds, Conditions, Facts
 from daemon.safety.geofence import Geofence
 from daemon.safety.supervision import Drive, Supervision, Timing
-from daemon.safety.supervisor import OURS, TABLE, State, next_row, to_mermaid
+from daemon.safety.supervisor import OURS, TABLE, State, next_row
 
 TICK_S = 0.01
 LEVEL = (1.0, 0.0, 0.0, 0.0)
@@ -503,11 +503,6 @@ def test_each_row_can_be_taken_and_needs_each_of_its_conditions(index: int) -> N
         pytest.fail("no conditions lead to this row")
     for name, value in wanted.items():
         assert next_row(state, replace(neutral, **{**wanted, name: not value})) is not row, name
-
-
-def test_the_diagram_names_every_state() -> None:
-    text = to_mermaid()
-    assert all(state.value in text for state in State)
 
 
 @pytest.mark.parametrize("changes", [{"variance_grows": True}, {"innovation": 1.1}, {"position_variance_m2": 0.31}])

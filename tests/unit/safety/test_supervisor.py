@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from daemon.safety.conditions import Conditions
-from daemon.safety.supervisor import FLYING, OURS, Row, State, next_row, to_mermaid
+from daemon.safety.supervisor import FLYING, OURS, Row, State, next_row
 
 IN_AIR = Conditions(link=True, armed=True, in_flight=True, in_air=True, state_usable=True, estimate_lost=False)
 ON_GROUND = Conditions(link=True, landed=True, hold=True, state_usable=True, estimate_lost=False)
@@ -177,13 +177,3 @@ def test_of_two_rows_that_fit_the_first_is_taken() -> None:
     assert after(State.TRACKING, estimate_lost=True, battery_low=True) == (State.RELEASING, "estimate_lost")
     assert after(State.READY, landing_confirmed=True, hold=False) == (State.LANDING, "requested")
     assert isinstance(next_row(State.READY, replace(HOLD, link=False)), Row)
-
-
-def test_the_diagram_has_an_arrow_for_each_change_and_all_its_reasons() -> None:
-    lines = to_mermaid().splitlines()
-    assert lines[:2] == ["stateDiagram-v2", "    [*] --> disconnected"]
-    assert "    engaging --> holding: engaged" in lines
-    assert "    disconnected --> pilot: found_flying" in lines
-    assert "    engaging --> ready: engage_refused, estimate_lost" in lines
-    assert "    tracking --> pilot: pilot_override" in lines
-    assert not any(line.split("-->")[0].strip() == line.split("-->")[1].split(":")[0].strip() for line in lines[2:])
