@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from daemon.safety.conditions import Conditions
-from daemon.safety.supervisor import FLYING, OURS, Row, State, next_row
+from daemon.safety.supervisor import FLYING, OURS, TABLE, Row, State, next_row
 
 IN_AIR = Conditions(link=True, armed=True, in_flight=True, in_air=True, state_usable=True, estimate_lost=False)
 ON_GROUND = Conditions(link=True, landed=True, hold=True, state_usable=True, estimate_lost=False)
@@ -177,3 +177,29 @@ def test_of_two_rows_that_fit_the_first_is_taken() -> None:
     assert after(State.TRACKING, estimate_lost=True, battery_low=True) == (State.RELEASING, "estimate_lost")
     assert after(State.READY, landing_confirmed=True, hold=False) == (State.LANDING, "requested")
     assert isinstance(next_row(State.READY, replace(HOLD, link=False)), Row)
+
+
+def test_every_condition_of_the_table_exists_and_every_state_can_be_left_and_reached() -> None:
+    names = {name.removeprefix("!") for row in TABLE for name in row.when}
+    assert names <= set(Conditions.__dataclass_fields__)
+    assert {row.to for row in TABLE} == set(State)
+    assert {state for row in TABLE for state in row.states} == set(State)
+
+
+@pytest.mark.parametrize("index", range(len(TABLE)), ids=lambda i: f"{i}-{TABLE[i].reason}")
+def test_each_row_can_be_taken_and_needs_each_of_its_conditions(index: int) -> None:
+    row = TABLE[index]
+    wanted = {name.removeprefix("!"): not name.startswith("!") for name in row.when}
+    quiet = Conditions(link=True, armed=True, estimate_lost=False, state_usable=True, offboard=True)
+    for state in row.states:
+        for neutral in (quiet, replace(quiet, offboard=False, hold=True), replace(quiet, in_flight=True)):
+            neutral = replace(neutral, takeoff=state is State.TAKING_OFF, landing=state is State.LANDING)
+            if next_row(state, replace(neutral, **wanted)) is row:
+                break
+        else:
+            continue
+        break
+    else:
+        pytest.fail("no conditions lead to this row")
+    for name, value in wanted.items():
+        assert next_row(state, replace(neutral, **{**wanted, name: not value})) is not row, name

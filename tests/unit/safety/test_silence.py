@@ -1,0 +1,140 @@
+"""What takes the vehicle from us, or has it taken: silence within one tick, and who is asked for what then."""
+
+import pytest
+from support.supervision_rig import IN_HOLD, IN_OFFBOARD, ON_GROUND, Rig, tracking
+
+from daemon.messages import FlightMode, RequestKind, SystemStatus
+from daemon.safety.supervision import Drive
+from daemon.safety.supervisor import State
+
+
+@pytest.mark.parametrize("mode", [m for m in FlightMode if m not in (FlightMode.OFFBOARD, FlightMode.UNKNOWN)])
+def test_a_mode_change_not_asked_for_silences_within_one_tick_and_asks_nothing(mode: FlightMode) -> None:
+    rig = tracking().status(IN_OFFBOARD, mode=mode, intended_mode=mode)
+    assert rig.tick() is State.PILOT
+    assert rig.supervision.left == "pilot_override"
+    assert rig.drive is Drive.SILENT
+    rig.tick(300)
+    assert rig.asked == []
+
+
+def test_a_failsafe_of_the_autopilot_silences_and_stays_silent_while_it_intends_offboard() -> None:
+    rig = tracking().status(IN_OFFBOARD, mode=FlightMode.RETURN, system_status=SystemStatus.CRITICAL)
+    assert rig.tick() is State.FAULT
+    assert rig.supervision.left == "autopilot_failsafe"
+    rig.status(IN_OFFBOARD)
+    rig.tick(500)
+    assert rig.supervision.state is State.FAULT
+    assert rig.drive is Drive.SILENT
+    assert rig.asked == []
+
+
+def test_a_failsafe_that_shows_only_in_the_intended_mode_is_one() -> None:
+    rig = tracking().status(IN_OFFBOARD, mode=FlightMode.RETURN)
+    assert rig.tick() is State.FAULT
+
+
+def test_a_kill_switch_silences_within_one_tick_while_the_autopilot_still_calls_itself_armed() -> None:
+    rig = tracking().status(IN_OFFBOARD, system_status=SystemStatus.FLIGHT_TERMINATION)
+    assert rig.tick() is State.FAULT
+    assert rig.supervision.left == "terminated"
+    assert rig.drive is Drive.SILENT
+    rig.tick(100)
+    assert rig.asked == []
+
+
+def test_disarming_silences_within_one_tick() -> None:
+    rig = tracking().status(IN_OFFBOARD, armed=False)
+    assert rig.tick() is State.STANDBY
+    assert rig.drive is Drive.SILENT
+    assert rig.asked == []
+
+
+def test_the_latch_silences_before_everything_and_only_engage_comes_back() -> None:
+    rig = tracking().set(latched=True)
+    assert rig.tick() is State.FAULT
+    assert rig.drive is Drive.SILENT
+    rig.set(latched=False).status(IN_HOLD)
+    assert rig.tick(50) is State.FAULT
+    rig.ask(RequestKind.ENGAGE)
+    assert rig.tick() is State.ENGAGING
+
+
+def test_a_stalled_task_asks_for_hold_once_more_when_a_heartbeat_of_now_still_shows_offboard() -> None:
+    rig = tracking().status(IN_OFFBOARD, heartbeat_s=0.0).set(latched=True)
+    assert rig.tick(100) is State.FAULT
+    assert rig.asked == [], "an old heartbeat does not tell who has the vehicle"
+    rig.status(IN_OFFBOARD, heartbeat_s=rig.supervision.since_s + 0.29)
+    rig.tick(100)
+    assert rig.asked == [], "it may have waited in a buffer"
+    rig.status(IN_OFFBOARD, heartbeat_s=rig.now_s)
+    rig.tick(100)
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD]
+
+
+def test_a_stalled_task_asks_nothing_of_a_vehicle_that_somebody_else_took() -> None:
+    rig = tracking().set(latched=True)
+    rig.tick()
+    for mode in (FlightMode.POSITION, FlightMode.RETURN):
+        rig.status(IN_OFFBOARD, mode=mode, heartbeat_s=rig.now_s + 1.0)
+        rig.tick(200)
+    assert rig.asked == []
+
+
+def test_a_lost_link_silences_asks_hold_once_and_the_vehicle_is_not_taken_back() -> None:
+    rig = tracking().status(IN_OFFBOARD, connected=False)
+    assert rig.tick() is State.DISCONNECTED
+    assert rig.drive is Drive.SILENT
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD]
+    rig.tick(100)
+    rig.status(IN_OFFBOARD)
+    assert rig.tick() is State.PILOT
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD] * 2, "the first may not have been heard"
+    rig.status(IN_HOLD)
+    assert rig.tick() is State.READY
+
+
+def test_what_flew_the_vehicle_while_the_link_was_lost_keeps_it() -> None:
+    for mode in (FlightMode.POSITION, FlightMode.RETURN):
+        rig = tracking().status(IN_OFFBOARD, connected=False)
+        rig.tick(100)
+        rig.asked.clear()
+        rig.status(IN_OFFBOARD, mode=mode, intended_mode=mode)
+        assert rig.tick(100) is State.PILOT
+        assert rig.asked == []
+        rig.status(IN_OFFBOARD, connected=False)
+        rig.tick(100)
+        rig.status(IN_OFFBOARD)
+        assert rig.tick(100) is State.PILOT
+        assert rig.asked == [], "the second loss was not of ours"
+
+
+def test_a_rebooted_autopilot_is_met_anew() -> None:
+    rig = tracking().status(ON_GROUND, boot_count=1)
+    assert rig.tick() is State.STANDBY
+    assert rig.drive is Drive.SILENT
+
+
+def test_hold_after_a_failsafe_counts_when_the_next_heartbeat_no_longer_shows_it() -> None:
+    rig = Rig().status(IN_OFFBOARD, mode=FlightMode.RETURN, system_status=SystemStatus.CRITICAL)
+    assert rig.tick(5) is State.FAULT
+    rig.ask(RequestKind.HOLD)
+    rig.tick()
+    rig.status(IN_HOLD, system_status=SystemStatus.CRITICAL)
+    assert rig.tick(80) is State.FAULT
+    rig.status(IN_HOLD)
+    assert rig.tick(5) is State.READY
+
+
+def test_a_stale_heartbeat_does_not_tell_who_has_the_vehicle_long_after_the_start_either() -> None:
+    rig = tracking()
+    rig.now_s += 50.0
+    rig.tick()
+    rig.status(IN_OFFBOARD, heartbeat_s=rig.now_s).set(latched=True)
+    assert rig.tick() is State.FAULT
+    rig.status(IN_OFFBOARD, heartbeat_s=rig.supervision.since_s + 0.2)
+    rig.tick(50)
+    assert rig.asked == []
+    rig.status(IN_OFFBOARD, heartbeat_s=rig.supervision.since_s + 0.31)
+    rig.tick(50)
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD]
