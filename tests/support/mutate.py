@@ -25,11 +25,18 @@ import pytest
 from cosmic_ray import ast, mutating, plugins
 from hypothesis import Phase, settings
 
+OF_THE_CONTROLLER = [
+    f"tests/unit/control/test_{name}.py" for name in ("controller", "setpoint_limits", "learned_in_flight")
+]
 FURTHER_TESTS = {
     "daemon/safety": [f"tests/unit/safety/test_{name}.py" for name in ("conditions", "dead_man", "supervision")],
-    "daemon/control": ["tests/unit/control/test_controller.py"],
-    "daemon/frames.py": ["tests/unit/control/test_controller.py"],
-    "daemon/pipeline.py": ["tests/replay", "tests/closed_loop/test_first_flight.py"],
+    "daemon/control": OF_THE_CONTROLLER,
+    "daemon/frames.py": OF_THE_CONTROLLER,
+    "daemon/pipeline.py": [
+        "tests/unit/test_flown_windows.py",
+        "tests/replay",
+        "tests/closed_loop/test_first_flight.py",
+    ],
 }
 PRELOADED = ("numpy", "scipy.linalg", "scipy.optimize", "scipy.integrate", "scipy.spatial.transform", "scipy.stats")
 PRELOADED += ("pydantic", "ruckig", "pymap3d", "yaml", "structlog", "mcap.reader", "hypothesis.strategies", "asyncio")

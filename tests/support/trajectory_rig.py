@@ -3,11 +3,14 @@
 import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
+from itertools import pairwise
+from math import hypot
+from typing import Any
 
 from daemon import pipeline
 from daemon.config import load
-from daemon.frames import from_yaw
-from daemon.guidance.goals import Goal, HoldGoal
+from daemon.frames import add, from_yaw, scale, subtract
+from daemon.guidance.goals import Goal, HoldGoal, WaypointGoal
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters, Profile
 from daemon.latest import Latest
@@ -23,6 +26,7 @@ from daemon.messages import (
     Reference,
     ReferenceWindow,
     RequestKind,
+    Vec3,
     VehicleRequest,
 )
 from daemon.parameters import geofence, pipeline_parameters
@@ -32,6 +36,8 @@ from daemon.sim.virtual_time import run_virtual
 
 LIMITS = MotionLimits()
 TICK_S = 0.01
+FAR: Vec3 = (30.0, 10.0, -12.0)
+NEAR: Vec3 = (2.0, -1.0, -10.0)
 CONFIG = load([])
 PARAMETERS = pipeline_parameters(CONFIG, geofence(CONFIG, (0.0, 0.0, 0.0)))
 INPUTS = Inputs(
@@ -157,3 +163,22 @@ def run(scenario: Callable[[Rig], Awaitable[None]]) -> None:
         await played
 
     run_virtual(main())
+
+
+def to(position: Vec3, **waypoint: Any) -> WaypointGoal:
+    return WaypointGoal(position_ned_m=position, **waypoint)
+
+
+def assert_smooth(history: list[Reference]) -> None:
+    """p, v and a go on from tick to tick but for what the jerk allowed changes."""
+    for one, two in pairwise(history):
+        dt = two.time_s - one.time_s
+        p = add(add(one.position_ned_m, scale(one.velocity_ned_m_s, dt)), scale(one.acceleration_ned_m_s2, dt * dt / 2))
+        v = add(one.velocity_ned_m_s, scale(one.acceleration_ned_m_s2, dt))
+        for was, now, jerk_time in (
+            (p, two.position_ned_m, dt**3 / 6.0),
+            (v, two.velocity_ned_m_s, dt**2 / 2.0),
+            (one.acceleration_ned_m_s2, two.acceleration_ned_m_s2, dt),
+        ):
+            x, y, z = subtract(now, was)
+            assert max(hypot(x, y), abs(z)) <= LIMITS.jerk_m_s3 * jerk_time + 1e-6, (one, two)

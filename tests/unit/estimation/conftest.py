@@ -8,6 +8,7 @@ from math import cos, sin
 from pathlib import Path
 
 import pytest
+from support.continuity_rig import BEGIN_S, SPACING_S
 
 from daemon import frames
 from daemon.messages import MavFrame, Odometry
@@ -80,3 +81,9 @@ def circling() -> Callable[[float], Odometry]:
 def recorded() -> Callable[[str], Iterator[Odometry]]:
     """Samples of a piece of a recorded PX4 flight; the recording began at loop time 1000 s."""
     return _recorded
+
+
+@pytest.fixture
+def circle(circling: Callable[[float], Odometry]) -> list[Odometry]:
+    """Two seconds of samples."""
+    return [circling(BEGIN_S + SPACING_S * i) for i in range(200)]

@@ -1,0 +1,134 @@
+"""A vehicle request that does not fit, or that the autopilot refuses, is refused in words."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from support.commander_rig import AIR, GROUND, Vehicle, answers, play, refused
+
+from daemon.autopilot.port import CommandRefusedError, CommandTimeoutError
+from daemon.loops.commander import Commander, NotPossibleError
+from daemon.messages import AutopilotStatus, FlightMode, LandedState, ModeRefusal, RequestKind, SystemStatus
+from daemon.safety.supervisor import State
+
+
+def test_an_engage_that_the_autopilot_refuses_says_why() -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        def engage() -> None:
+            refusal = ModeRefusal(FlightMode.OFFBOARD, "no offboard signal", 0.1)
+            vehicle.set(State.ENGAGING, mode_refusal=refusal)
+            vehicle.later(0.5, State.READY, "engage_refused")
+
+        answers(vehicle, {RequestKind.ENGAGE: engage})
+        with pytest.raises(CommandRefusedError, match=r"state ready: engage_refused \(no offboard signal\)"):
+            await vehicle.commander.engage()
+
+    play(scenario, AIR, State.READY)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"armed": False}, "the vehicle is not armed"),
+        ({"landed": LandedState.LANDING}, "landed state is landing"),
+        ({"mode": FlightMode.RETURN, "intended_mode": FlightMode.RETURN}, "the mode is return, not hold"),
+        ({"intended_mode": FlightMode.OFFBOARD}, "the autopilot intends offboard: a failsafe acts"),
+        ({"system_status": SystemStatus.CRITICAL}, "system status is critical"),
+    ],
+)
+def test_engaging_names_what_is_missing(change: dict[str, Any], words: str) -> None:
+    refused(f"cannot engage: .*{words}", replace(AIR, **change), State.READY, Commander.engage)
+
+
+@pytest.mark.parametrize(
+    ("conditions", "words"),
+    [
+        ({"state_usable": False}, "there is no fresh estimate"),
+        ({"estimate_poor": True}, "estimate is too uncertain"),
+        ({"attitude_disagrees": True}, "attitude and its accelerometer disagree"),
+    ],
+)
+def test_engaging_needs_an_estimate(conditions: dict[str, bool], words: str) -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        vehicle.see(**conditions)
+        with pytest.raises(NotPossibleError, match=words):
+            await vehicle.commander.engage()
+        assert vehicle.asked == []
+
+    play(scenario, AIR, State.READY)
+
+
+@pytest.mark.parametrize(
+    ("ask", "status", "state", "words"),
+    [
+        (Commander.arm, replace(GROUND, connected=False), State.DISCONNECTED, "no autopilot is connected"),
+        (Commander.disarm, replace(GROUND, connected=False), State.STANDBY, "no autopilot is connected"),
+        (lambda c: c.takeoff(5.0), GROUND, State.DISCONNECTED, "no autopilot is connected"),
+        (Commander.engage, replace(AIR, connected=False), State.READY, "no autopilot is connected"),
+        (Commander.hold, replace(AIR, connected=False), State.READY, "no autopilot is connected"),
+        (Commander.arm, GROUND, State.FAULT, "cannot arm in state fault"),
+        (Commander.disarm, AIR, State.READY, "the vehicle is not landed; land it first"),
+        (lambda c: c.takeoff(5.0), AIR, State.READY, "needs a vehicle on the ground; the state is ready"),
+        (
+            lambda c: c.takeoff(5.0),
+            replace(GROUND, armed=True, mode=FlightMode.POSITION),
+            State.STANDBY,
+            "a pilot has armed the vehicle and flies in mode position",
+        ),
+        (lambda c: c.takeoff(5.0), replace(GROUND, global_position=None), State.STANDBY, "no global position yet"),
+        (Commander.engage, GROUND, State.STANDBY, "cannot engage in state standby; take off first"),
+        (Commander.hold, GROUND, State.STANDBY, "cannot hold: the vehicle is not in the air"),
+        (Commander.land, GROUND, State.STANDBY, "cannot land: the vehicle is not in the air"),
+        (Commander.return_home, GROUND, State.STANDBY, "cannot return: the vehicle is not in the air"),
+        (Commander.land, replace(AIR, mode=FlightMode.ACRO), State.PILOT, "a pilot flies in mode acro"),
+        (Commander.hold, replace(AIR, mode=FlightMode.POSITION), State.PILOT, "a pilot flies in mode position"),
+    ],
+)
+def test_what_does_not_fit_the_state_is_refused_in_words(
+    ask: Callable[[Commander], Awaitable[None]], status: AutopilotStatus, state: State, words: str
+) -> None:
+    refused(words, status, state, ask)
+
+
+def test_a_mode_that_the_autopilot_refuses_is_told_in_its_words() -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        def no() -> None:
+            now_s = asyncio.get_running_loop().time()
+            vehicle.set(State.READY, mode_refusal=ModeRefusal(FlightMode.LAND, "no position", now_s))
+
+        answers(vehicle, {RequestKind.LAND: no})
+        with pytest.raises(CommandRefusedError, match="the autopilot refused land: no position"):
+            await vehicle.commander.land()
+
+    assert play(scenario, AIR, State.READY) < 0.2
+
+
+def test_a_refusal_from_before_the_request_is_not_held_against_it() -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        await asyncio.sleep(1.0)
+        vehicle.set(State.READY, mode_refusal=ModeRefusal(FlightMode.LAND, "no position", 0.5))
+        with pytest.raises(CommandTimeoutError):
+            await vehicle.commander.land()
+
+    play(scenario, AIR, State.READY)
+
+
+def test_a_daemon_that_stops_engages_no_more() -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        vehicle.commander.stopping = True
+        with pytest.raises(NotPossibleError, match="the daemon is stopping"):
+            await vehicle.commander.engage()
+
+    play(scenario, AIR, State.READY)
+
+
+def test_without_a_record_nothing_is_connected() -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        vehicle.record.set(None)
+        assert vehicle.commander.state is State.DISCONNECTED
+        with pytest.raises(NotPossibleError, match="no autopilot is connected"):
+            await vehicle.commander.arm()
+
+    play(scenario)

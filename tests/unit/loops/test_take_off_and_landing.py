@@ -1,0 +1,133 @@
+"""Arming, taking off, engaging, holding and coming down: when each is done, and what ends it elsewhere."""
+
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+
+import pytest
+from support.commander_rig import AIR, GROUND, Vehicle, answers, play
+
+from daemon.autopilot.port import CommandKind, CommandRefusedError
+from daemon.loops.commander import Commander, NotPossibleError
+from daemon.messages import FlightMode, LandedState, RequestKind
+from daemon.safety.supervisor import State
+
+
+def test_arming_is_done_when_telemetry_shows_it() -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        answers(vehicle, {CommandKind.ARM: lambda: vehicle.later(0.5, State.STANDBY, armed=True)})
+        await vehicle.commander.arm()
+        assert vehicle.status.value.armed
+        await vehicle.commander.arm()
+        assert vehicle.asked == [CommandKind.ARM]
+
+    assert play(scenario) == pytest.approx(0.5, abs=0.05)
+
+
+def test_disarming_is_done_when_telemetry_shows_it() -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        answers(vehicle, {CommandKind.DISARM: lambda: vehicle.later(0.3, State.STANDBY, armed=False)})
+        await vehicle.commander.disarm()
+        assert vehicle.asked == [CommandKind.DISARM]
+
+    assert play(scenario, replace(GROUND, armed=True)) == pytest.approx(0.3, abs=0.05)
+
+
+def test_a_take_off_goes_to_hold_arms_and_climbs_to_a_height_above_the_ground() -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        def climb() -> None:
+            vehicle.later(0.2, State.TAKING_OFF, mode=FlightMode.TAKEOFF)
+            vehicle.later(6.0, State.READY, mode=FlightMode.HOLD, landed=LandedState.IN_AIR)
+
+        answers(
+            vehicle,
+            {
+                RequestKind.HOLD: lambda: vehicle.later(0.1, State.STANDBY, mode=FlightMode.HOLD),
+                CommandKind.ARM: lambda: vehicle.later(0.1, State.STANDBY, armed=True),
+                CommandKind.TAKEOFF: climb,
+            },
+        )
+        await vehicle.commander.takeoff(7.0)
+        # The supervisor sees the request at its next tick, the command goes at once.
+        assert vehicle.asked[:2] == [RequestKind.HOLD, CommandKind.ARM]
+        assert set(vehicle.asked[2:]) == {RequestKind.TAKEOFF, CommandKind.TAKEOFF}
+        assert vehicle.altitude_amsl_m == 507.0
+
+    assert play(scenario, replace(GROUND, mode=FlightMode.LAND)) == pytest.approx(6.2, abs=0.2)
+
+
+def test_a_take_off_that_ends_elsewhere_says_where() -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        def taken() -> None:
+            vehicle.later(0.2, State.TAKING_OFF)
+            vehicle.later(1.0, State.PILOT, "pilot_override")
+
+        answers(vehicle, {CommandKind.TAKEOFF: taken})
+        with pytest.raises(CommandRefusedError, match=r"take-off ended in state pilot: pilot_override"):
+            await vehicle.commander.takeoff(5.0)
+
+    play(scenario, replace(GROUND, armed=True))
+
+
+def test_engaging_opens_the_gate_and_is_done_when_the_vehicle_is_ours() -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        def engage() -> None:
+            vehicle.set(State.ENGAGING)
+            vehicle.later(0.4, State.HOLDING, mode=FlightMode.OFFBOARD)
+
+        vehicle.gate.latch()
+        answers(vehicle, {RequestKind.ENGAGE: engage})
+        await vehicle.commander.engage()
+        assert not vehicle.gate.latched
+        await vehicle.commander.engage()
+        assert vehicle.asked == [RequestKind.ENGAGE]
+
+    assert play(scenario, AIR, State.READY) == pytest.approx(0.4, abs=0.1)
+
+
+def test_hold_is_done_when_the_supervisor_has_let_go() -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        def hold() -> None:
+            vehicle.later(0.1, State.RELEASING, mode=FlightMode.HOLD)
+            vehicle.later(0.2, State.READY)
+
+        answers(vehicle, {RequestKind.HOLD: hold})
+        await vehicle.commander.hold()
+        assert vehicle.commander.state is State.READY
+
+    assert play(scenario, replace(AIR, mode=FlightMode.OFFBOARD), State.HOLDING) == pytest.approx(0.2, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("ask", "kind", "mode"),
+    [
+        (Commander.land, RequestKind.LAND, FlightMode.LAND),
+        (Commander.return_home, RequestKind.RETURN, FlightMode.RETURN),
+    ],
+)
+def test_coming_down_is_done_when_disarmed(
+    ask: Callable[[Commander], Awaitable[None]], kind: RequestKind, mode: FlightMode
+) -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        def down() -> None:
+            vehicle.later(0.1, State.LANDING, mode=mode)
+            vehicle.later(30.0, State.LANDING, landed=LandedState.ON_GROUND)
+            vehicle.later(32.0, State.STANDBY, armed=False)
+
+        answers(vehicle, {kind: down})
+        await ask(vehicle.commander)
+        assert vehicle.commander.state is State.STANDBY
+
+    assert play(scenario, AIR, State.READY) == pytest.approx(32.0, abs=0.1)
+
+
+def test_a_landing_that_a_pilot_ends_says_so() -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        def down() -> None:
+            vehicle.later(0.1, State.LANDING, mode=FlightMode.LAND)
+            vehicle.later(3.0, State.PILOT, "pilot_override", mode=FlightMode.POSITION)
+
+        answers(vehicle, {RequestKind.LAND: down})
+        with pytest.raises(NotPossibleError, match="land ended in state pilot: pilot_override"):
+            await vehicle.commander.land()
+
+    assert play(scenario, AIR, State.READY) == pytest.approx(3.0, abs=0.1)
