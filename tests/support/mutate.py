@@ -29,7 +29,10 @@ OF_THE_CONTROLLER = [
     f"tests/unit/control/test_{name}.py" for name in ("controller", "setpoint_limits", "learned_in_flight")
 ]
 FURTHER_TESTS = {
-    "daemon/safety": [f"tests/unit/safety/test_{name}.py" for name in ("conditions", "dead_man", "supervision")],
+    "daemon/safety": [
+        f"tests/unit/safety/test_{name}.py"
+        for name in ("conditions", "dead_man", "engage", "release", "requests", "silence", "supervisor")
+    ],
     "daemon/control": OF_THE_CONTROLLER,
     "daemon/frames.py": OF_THE_CONTROLLER,
     "daemon/pipeline.py": [
