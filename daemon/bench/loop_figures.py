@@ -7,7 +7,7 @@ from statistics import linear_regression, median
 from typing import Any
 
 from daemon.bench.quantiles import quantile
-from daemon.bench.stillness import Span, still_s
+from daemon.bench.stillness import Span, still_s, within
 from daemon.sim.metronome import NUMBERS
 
 Figures = dict[str, Any]
@@ -40,12 +40,13 @@ class Delays:
 def figures_of(said: Figures, log: Figures, period_s: float, still: Sequence[Span] | None = None) -> Figures:
     """Milliseconds, per cent of a core and megabytes, over the time that the client counted.
 
-    ``still``: when the machine itself stood still, if that was watched: ``missing_own`` and ``overtaken_own`` are what
-    would be left if those times had not been.
+    ``missing``: setpoints that did not come between two that did, or before the end. ``still``: when a core of the
+    client's stood still, if that was watched: ``missing_own`` and ``overtaken_own`` are what is left without that time.
     """
     from_s, to_s = said["from_s"], said["to_s"]
     setpoints = [(at_s, thrust) for at_s, thrust in log["setpoints"] if from_s <= at_s <= to_s]
     gaps = [after - before for (before, _), (after, _) in pairwise(setpoints)]
+    times = [from_s, *(at_s for at_s, _ in setpoints), to_s]
     deviations = [abs(gap - period_s) for gap in gaps]
     delays = delays_of(setpoints, said.get("used"), log["odometry"])
     figures = {
@@ -61,19 +62,18 @@ def figures_of(said: Figures, log: Figures, period_s: float, still: Sequence[Spa
         "delay_p99_ms": 1e3 * quantile(delays.every, 0.99),
         "first_p50_ms": 1e3 * quantile(delays.first, 0.5),
         "first_p99_ms": 1e3 * quantile(delays.first, 0.99),
-        "missing": _missing(gaps, period_s),
+        "missing": sum(_missing(before, after, period_s) for before, after in pairwise(times)),
         "overtaken": len(delays.overtaken),
         "cpu_pct": 100.0 * said["cpu_s"] / (to_s - from_s),
         "cpu_s_per_minute": 60.0 * said["cpu_s"] / (to_s - from_s),
         "rss_mb": said["rss_mb"],
     }
     if still is not None:
-        spans = [span for span in still if from_s <= span[1] and span[0] <= to_s]
-        ran = [after - before - still_s(spans, before, after) for (before, _), (after, _) in pairwise(setpoints)]
+        spans = within(still, from_s, to_s)
         figures |= {
             "still_ms": 1e3 * still_s(spans, from_s, to_s),
             "still_max_ms": 1e3 * max((ended_s - begun_s for begun_s, ended_s in spans), default=0.0),
-            "missing_own": _missing(ran, period_s),
+            "missing_own": sum(_missing(before, after, period_s, spans) for before, after in pairwise(times)),
             "overtaken_own": sum(
                 left_s - sent_s - still_s(spans, sent_s, left_s) >= OVERTAKEN_S for sent_s, left_s in delays.overtaken
             ),
@@ -89,9 +89,14 @@ def figures_of(said: Figures, log: Figures, period_s: float, still: Sequence[Spa
     return figures | {key: value for key, value in said.items() if key not in _OWN}
 
 
-def _missing(gaps_s: Sequence[float], period_s: float) -> int:
-    """How many setpoints did not come between two that did; one that is merely late is not missing."""
-    return sum(max(0, int(gap_s / period_s + 0.1) - 1) for gap_s in gaps_s)
+def _missing(before_s: float, after_s: float, period_s: float, still: Sequence[Span] = ()) -> int:
+    """How many setpoints did not come between two that did; one that is merely late is not missing.
+
+    ``still`` explains it when less than one and a half periods are left without: little stillness, little excuse.
+    """
+    missing = max(0, int((after_s - before_s) / period_s + 0.1) - 1)
+    ran_s = after_s - before_s - still_s(still, before_s, after_s)
+    return min(missing, max(0, round(ran_s / period_s) - 1))
 
 
 def _memory(samples: Sequence[tuple[float, float]]) -> Figures:
@@ -143,12 +148,14 @@ def delays_of(
 def over_rounds(rounds: Sequence[Figures]) -> Figures:
     """One flight's figures over its rounds: medians, but sums of counts and the largest of ``*_max_ms``.
 
-    Rounds that failed are left out: ``failed`` counts them, ``failure`` says why; the first one's figures when all did.
+    What not every round has is left out, and so are rounds that failed: ``failed`` counts them, ``failure`` says why;
+    the first one's figures when all did.
     """
     good = [figures for figures in rounds if "error" not in figures]
     if not good:
         return rounds[0]
-    merged: Figures = {key: _merged(key, [figures[key] for figures in good]) for key in good[0]}
+    common = [key for key in good[0] if all(key in figures for figures in good)]
+    merged: Figures = {key: _merged(key, [figures[key] for figures in good]) for key in common}
     failures = [figures["error"] for figures in rounds if "error" in figures]
     return merged | ({"failed": len(failures), "failure": failures[0]} if failures else {})
 

@@ -59,17 +59,26 @@ def _row(name: str, width: int, cells: Iterable[str]) -> str:
 def _remarks(name: str, f: Figures) -> list[str]:
     """What the table has no column for."""
     lines = _inside(f) if "stages_us" in f else []
-    if f.get("still_ms"):
-        lines.append(
-            f"the machine stood still for {f['still_ms']:.0f} ms, at most {f['still_max_ms']:.0f} in one go: of"
-            f" {f['missing']} missing setpoints {f['missing_own']} are left without that, of {f['overtaken']} overtaken"
-            f" {f['overtaken_own']}"
-        )
+    if "error" not in f and (lost := _lost(f)):
+        lines.append(lost)
     if f.get("fifo") == 0:
         lines.append("SCHED_FIFO was refused")
     if f.get("failed"):
         lines.append(f"{f['failed']} more rounds failed: {f['failure']}")
     return ["", f"{name}:", *(f"  {line}" for line in lines)] if lines else []
+
+
+def _lost(f: Figures) -> str:
+    """What was missing or overtaken, and what a core that stood still explains of it; empty when there is nothing."""
+    text = f"{f['missing']} setpoints missing, {f['overtaken']} overtaken"
+    if f.get("still_ms"):
+        own = f"without that {f['missing_own']} and {f['overtaken_own']}"
+        return (
+            f"{text}; a core stood still for {f['still_ms']:.0f} ms, at most {f['still_max_ms']:.0f} in one go: {own}"
+        )
+    if not f["missing"] and not f["overtaken"]:
+        return ""
+    return text if "still_ms" in f else f"{text}; it could not be watched whether a core stood still"
 
 
 def _inside(f: Figures) -> list[str]:

@@ -7,7 +7,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <sys/mman.h>
+#include <sys/prctl.h>
 #include <time.h>
+#include <unistd.h>
 
 #define PERIOD_NS 2000000L
 #define LEAST_S 0.001
@@ -33,12 +35,15 @@ int main(int argc, char **argv)
     CPU_ZERO(&core);
     CPU_SET(atoi(argv[1]), &core);
     sigaction(SIGTERM, &action, NULL);
+    const pid_t parent = getppid();
+    prctl(PR_SET_PDEATHSIG, SIGTERM);
+    if (getppid() != parent)
+        return EXIT_FAILURE;
     if (sched_setaffinity(0, sizeof core, &core) != 0 || sched_setscheduler(0, SCHED_FIFO, &priority) != 0) {
         perror("stillness");
         return EXIT_FAILURE;
     }
     mlockall(MCL_CURRENT | MCL_FUTURE);
-    puts("watching");
     struct timespec due, now;
     clock_gettime(CLOCK_MONOTONIC, &due);
     while (running) {

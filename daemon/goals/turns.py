@@ -1,76 +1,72 @@
 """Whose turn it is: users in turn, of each user its processes, newcomers first, of each process what it asked for."""
 
 import asyncio
+import time
 from collections import deque
+from collections.abc import Callable
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
+ANEW_S = 1.0
+
 
 class _Processes(Generic[T]):
-    """What the processes of one user wait for, in rounds; who comes anew need not wait for the round to end.
-
-    A newcomer and one of the round are taken by turns. Who was taken stays in the round until its place there comes up
-    again, even with nothing left to wait for: else one that asks anew after each answer would be a newcomer each time
-    (as the new flows of FQ-CoDel, RFC 8290, 4.2).
-    """
+    """What the processes of one user wait for: newcomers, and those of the round; by turns when there are both."""
 
     def __init__(self) -> None:
         self._newcomers: dict[int, deque[T]] = {}
         self._round: dict[int, deque[T]] = {}
-        self._waiting = 0
         self._newcomer_next = True
 
     def __bool__(self) -> bool:
-        return self._waiting > 0
+        return bool(self._newcomers or self._round)
 
-    def put(self, pid: int, item: T) -> None:
+    def put(self, pid: int, item: T, *, comes_anew: bool) -> None:
         """Add an item of a process."""
-        known = self._round if pid in self._round else self._newcomers
-        known.setdefault(pid, deque()).append(item)
-        self._waiting += 1
+        comes_anew = pid in self._newcomers or (comes_anew and pid not in self._round)
+        (self._newcomers if comes_anew else self._round).setdefault(pid, deque()).append(item)
 
     def count(self, pid: int) -> int:
         """How many items of a process wait."""
         return len(self._newcomers.get(pid, ())) + len(self._round.get(pid, ()))
 
-    def take(self) -> T:
-        """Remove and return the next; there must be one."""
-        items = self._next()
-        self._waiting -= 1
-        return items.popleft()
-
-    def _next(self) -> deque[T]:
-        while True:
-            by_turns = self._newcomer_next or not self._round
-            source = self._newcomers if self._newcomers and by_turns else self._round
-            pid = next(iter(source))
-            items = source.pop(pid)
-            if items:
-                self._round[pid] = items
-                self._newcomer_next = source is self._round
-                return items
+    def take(self) -> tuple[int, T]:
+        """Remove and return the next with its process, which goes to the end of the round; there must be one."""
+        newcomer = bool(self._newcomers) and (self._newcomer_next or not self._round)
+        source = self._newcomers if newcomer else self._round
+        pid = next(iter(source))
+        items = source.pop(pid)
+        item = items.popleft()
+        if items:
+            self._round[pid] = items
+        self._newcomer_next = not newcomer
+        return pid, item
 
 
 class Turns(Generic[T]):
     """A queue that is fair to users and processes, however many connections and requests each of them has.
 
-    A process that has asked for nothing of late comes next but one of its user's at the latest, unless others came anew
-    before it: a flood, by however many processes, does not keep it waiting.
+    A process that had no turn for ``ANEW_S`` seconds of ``clock`` comes anew: it is next but one of its user's at the
+    latest, behind others that came anew before it. So one that floods, or asks again after each answer, keeps none
+    waiting that seldom asks (as the sparse flows of FQ-CoDel, RFC 8290).
     """
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
         self._users: dict[int, _Processes[T]] = {}
+        self._turn_s: dict[tuple[int, int], float] = {}  # when a process last had one, the oldest first
 
     def __bool__(self) -> bool:
         return bool(self._users)
 
     def put(self, uid: int, pid: int, item: T) -> None:
         """Add an item of a process of a user."""
+        self._forget()
         processes = self._users.get(uid)
         if processes is None:
             processes = self._users[uid] = _Processes()
-        processes.put(pid, item)
+        processes.put(pid, item, comes_anew=(uid, pid) not in self._turn_s)
 
     def count(self, uid: int, pid: int) -> int:
         """How many items of a process wait."""
@@ -81,10 +77,21 @@ class Turns(Generic[T]):
         """Remove and return the next. Raises `StopIteration` when there is none: look first."""
         uid = next(iter(self._users))
         processes = self._users.pop(uid)
-        item = processes.take()
+        pid, item = processes.take()
         if processes:
             self._users[uid] = processes
+        self._turn_s.pop((uid, pid), None)
+        self._turn_s[uid, pid] = self._clock()
         return item
+
+    def _forget(self) -> None:
+        """Whose last turn was long ago comes anew."""
+        oldest_s = self._clock() - ANEW_S
+        while self._turn_s:
+            process = next(iter(self._turn_s))
+            if self._turn_s[process] > oldest_s:
+                return
+            del self._turn_s[process]
 
 
 class Turnstile:

@@ -10,27 +10,9 @@ _DRAWN = GROUPS[2:]
 _MOST_REASONS = 4
 _FROM_EVERYWHERE = 5  # from so many states in one row, the arrows would hide the others
 
-HEAD = """\
-stateDiagram-v2
-    direction LR
-    state ours {
-        engaging
-        state flying {
-            holding
-            tracking
-        }
-        releasing
-    }
-    state autopilot {
-        taking_off
-        ready
-        landing
-    }
-    [*] --> disconnected"""
-
 
 def diagram() -> str:
-    """The changes of state that have few beginnings, those of a whole group as one arrow."""
+    """The states in their groups, and the changes that have few beginnings, those of a whole group as one arrow."""
     drawn = [row for row in TABLE if len(row.states - {row.to}) < _FROM_EVERYWHERE]
     begin: dict[tuple[str, State], set[State]] = {}
     for row in drawn:
@@ -39,7 +21,20 @@ def diagram() -> str:
     for (reason, to), states in begin.items():
         for name in covered(frozenset(states), to):
             arrows.setdefault((name, to.value), []).append(reason)
-    return "\n".join([HEAD, *(f"    {a} --> {b}: {_said(reasons)}" for (a, b), reasons in arrows.items())])
+    lines = ["stateDiagram-v2", "    direction LR", *_nested(frozenset(State), dict(_DRAWN), 1)]
+    lines.append("    [*] --> disconnected")
+    return "\n".join([*lines, *(f"    {a} --> {b}: {_said(reasons)}" for (a, b), reasons in arrows.items())])
+
+
+def _nested(states: frozenset[State], groups: dict[str, frozenset[State]], depth: int) -> list[str]:
+    """The states, those of each group inside of it; a group lies within another one or apart from it."""
+    indent, lines, left = "    " * depth, [], set(states)
+    for name, group in groups.items():
+        if group <= left:
+            inner = {other: members for other, members in groups.items() if members < group}
+            lines += [f"{indent}state {name} {{", *_nested(group, inner, depth + 1), f"{indent}}}"]
+            left -= group
+    return [*lines, *(f"{indent}{state.value}" for state in State if state in left)]
 
 
 def _said(reasons: list[str]) -> str:

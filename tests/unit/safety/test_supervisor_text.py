@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from support.supervisor_text import GROUPS, HEAD, diagram, rows
+from support.supervisor_text import GROUPS, diagram, rows
 
 from daemon.safety.supervisor import TABLE, State
 
@@ -20,7 +20,8 @@ def changes() -> set[tuple[State, State, str]]:
 
 
 def drawn() -> set[tuple[State, State, str]]:
-    arrows = [ARROW.fullmatch(line) for line in diagram()[len(HEAD) :].splitlines() if line]
+    begin = "    [*] --> disconnected\n"
+    arrows = [ARROW.fullmatch(line) for line in diagram().partition(begin)[2].splitlines()]
     assert all(arrows)
     return {
         (state, State(arrow[2]), reason)
@@ -40,6 +41,23 @@ def test_every_arrow_is_in_the_table_and_only_what_starts_everywhere_has_none() 
     assert {change for change in without if change[0] in GROUP["ours"]} == {
         (state, State.DISCONNECTED, "link_lost") for state in GROUP["ours"]
     }
+
+
+def test_every_state_lies_in_its_groups_and_nowhere_else() -> None:
+    path: list[str] = []
+    seen: dict[State, list[str]] = {}
+    for word in (line.strip() for line in diagram().partition("    [*]")[0].splitlines()[2:]):
+        if word.startswith("state "):
+            path.append(word.split()[1])
+        elif word == "}":
+            path.pop()
+        else:
+            seen[State(word)] = list(path)
+    assert set(seen) == set(State)
+    assert all(
+        set(path) == {name for name in ("ours", "flying", "autopilot") if state in GROUP[name]}
+        for state, path in seen.items()
+    )
 
 
 def test_an_arrow_with_many_reasons_says_how_many_more() -> None:
