@@ -4,12 +4,15 @@ import resource
 import socket
 from contextlib import asynccontextmanager
 from dataclasses import replace
+from itertools import count
 
 import pytest
 from fake_flight import serving
 
+from daemon.goals import server as server_module
 from daemon.goals import session as session_module
 from daemon.goals.server import BUFFER_BYTES, KEPT_FOR_OPERATORS, most_clients
+from daemon.goals.sockets import Peer
 
 
 @pytest.fixture
@@ -256,13 +259,13 @@ async def test_batches_of_many_clients_do_no_more_a_pass_than_one(path):
     async with serving(path) as daemon, raw(path) as first, raw(path) as second, raw(path) as third:
         most, seen = 0, 0
 
-        def count():
+        def look():
             nonlocal most, seen
             most, seen = max(most, len(daemon.calls) - seen), len(daemon.calls)
             if seen < 300:
-                asyncio.get_running_loop().call_soon(count)
+                asyncio.get_running_loop().call_soon(look)
 
-        count()
+        look()
         for client in (first, second, third):
             client.send([request("vehicle.arm", None, n) for n in range(100)])
         for client in (first, second, third):
@@ -292,6 +295,24 @@ async def test_other_process_is_not_kept_waiting_by_one_that_floods_over_many_co
             await modest.ask("status.get")
             assert len(daemon.calls) - before <= 10, "a turn in two is the other process's"
         assert 0 < len(daemon.calls) < 1000
+        for _, writer in flooders:
+            writer.transport.abort()
+
+
+async def test_who_comes_to_a_flood_by_many_processes_is_answered_at_once(path, monkeypatch):
+    pids = count(1)
+    monkeypatch.setattr(server_module, "peer_of", lambda _sock: Peer(next(pids), 0, frozenset()))
+    async with serving(path) as daemon:
+        flooders = [await asyncio.open_unix_connection(str(path)) for _ in range(50)]
+        for _, writer in flooders:
+            writer.writelines(json.dumps(request("vehicle.arm")).encode() + b"\n" for _ in range(50))
+        for _ in range(3):  # the flood is long under way
+            await flooders[-1][0].readline()
+        before = len(daemon.calls)
+        async with raw(path) as modest:
+            await modest.ask("status.get")
+        assert len(daemon.calls) - before < 25, "not each of the fifty had a turn"
+        assert len(daemon.calls) < 2500
         for _, writer in flooders:
             writer.transport.abort()
 
