@@ -163,12 +163,14 @@ def _limited(
     slewed = limits.toward(
         last, bounded, rate_step_rad_s=p.rate_slew_max_rad_s2 * dt_s, thrust_step=p.thrust_slew_max_1_s * dt_s
     )
-    names = (
-        ("rates", bounded.rates_frd_rad_s != wanted.rates_frd_rad_s),
-        ("thrust", bounded.thrust != wanted.thrust),
-        ("slew", slewed.rates_frd_rad_s != bounded.rates_frd_rad_s or slewed.thrust != bounded.thrust),
-    )
-    return _within(slewed, hover_thrust, p), tuple(name for name, cut in names if cut)
+    limited: tuple[str, ...] = ()
+    if bounded.rates_frd_rad_s != wanted.rates_frd_rad_s:
+        limited += ("rates",)
+    if bounded.thrust != wanted.thrust:
+        limited += ("thrust",)
+    if slewed.rates_frd_rad_s != bounded.rates_frd_rad_s or slewed.thrust != bounded.thrust:
+        limited += ("slew",)
+    return _within(slewed, hover_thrust, p), limited
 
 
 def _within(setpoint: Setpoint, hover_thrust: float, p: ControlParameters) -> Setpoint:

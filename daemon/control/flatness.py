@@ -14,10 +14,15 @@ FREE_FALL_M_S2 = 1e-3  # a shorter thrust vector has no direction
 _HEADING_MIN = 1e-6  # sine between heading and thrust axis, below which the heading says nothing
 
 
+def is_isotropic(drag_1_s: Vec3) -> bool:
+    """Whether the drag is the same along each axis, so that the attitude does not matter to it."""
+    return drag_1_s[0] == drag_1_s[1] == drag_1_s[2]
+
+
 def rotor_drag(attitude_wb: Quat, velocity_ned_m_s: Vec3, drag_1_s: Vec3) -> Vec3:
     """Acceleration by rotor drag, m/s2 NED: -R D R' v with D along the body axes."""
     dx, dy, dz = drag_1_s
-    if dx == dy == dz:
+    if is_isotropic(drag_1_s):
         return (-dx * velocity_ned_m_s[0], -dx * velocity_ned_m_s[1], -dx * velocity_ned_m_s[2])
     vx, vy, vz = rotate_inverse(attitude_wb, velocity_ned_m_s)
     return rotate(attitude_wb, (-dx * vx, -dy * vy, -dz * vz))

@@ -142,8 +142,9 @@ def _thrust_vector(
     """Wanted thrust acceleration and its derivative by the reference (NED), before limits."""
     gravity = (0.0, 0.0, p.gravity_m_s2)
     bare = subtract(reference.acceleration_ned_m_s2, gravity)
-    flat_wb = flatness.attitude_from_thrust(bare, yaw_rad, predicted.attitude_wb, p.heading_axis)
-    drag_1_s = total(model.drag, p.drag_1_s)
+    flat_wb, drag_1_s = predicted.attitude_wb, total(model.drag, p.drag_1_s)
+    if not flatness.is_isotropic(drag_1_s):
+        flat_wb = flatness.attitude_from_thrust(bare, yaw_rad, flat_wb, p.heading_axis)
     drag = flatness.rotor_drag(flat_wb, reference.velocity_ned_m_s, drag_1_s)
     drag_derivative = flatness.rotor_drag(flat_wb, reference.acceleration_ned_m_s2, drag_1_s)
     wanted = subtract(add(bare, feedback), add(drag, model.disturbance_ned_m_s2))
