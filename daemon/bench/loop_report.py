@@ -70,7 +70,7 @@ def _remarks(name: str, f: Figures) -> list[str]:
 
 def _lost(f: Figures) -> str:
     """What was missing or overtaken, and what a core that stood still explains of it; empty when there is nothing."""
-    text = f"{f['missing']} setpoints missing, {f['overtaken']} overtaken"
+    text = f"setpoints missing: {f['missing']}, overtaken: {f['overtaken']}"
     if f.get("still_ms"):
         own = f"without that {f['missing_own']} and {f['overtaken_own']}"
         return (

@@ -128,9 +128,11 @@ def test_what_is_missing_is_told_with_what_explains_it() -> None:
     gap, whole = flight(1.0, 1.01, 1.05, 1.06), flight(*(1.0 + 0.01 * n for n in range(7)))
     told = loop_report.table({"flightd": figures_of(of, gap, 0.01, [(1.01, 1.05)])})
     assert (
-        "3 setpoints missing, 0 overtaken; a core stood still for 40 ms, at most 40 in one go: without that 0" in told
+        "setpoints missing: 3, overtaken: 0; a core stood still for 40 ms, at most 40 in one go: without that 0" in told
     )
-    assert "3 setpoints missing, 0 overtaken\n" in loop_report.table({"flightd": figures_of(of, gap, 0.01, [])}) + "\n"
+    assert (
+        "setpoints missing: 3, overtaken: 0\n" in loop_report.table({"flightd": figures_of(of, gap, 0.01, [])}) + "\n"
+    )
     assert "could not be watched" in loop_report.table({"flightd": figures_of(of, gap, 0.01)})
     assert "missing" not in loop_report.table({"flightd": figures_of(of, whole, 0.01, [])})
 
