@@ -17,28 +17,20 @@ from daemon.messages import (
     EstimatedState,
     FlightMode,
     GlobalPosition,
-    LandedState,
     RequestKind,
     Setpoint,
-    SystemStatus,
     VehicleRequest,
 )
 from daemon.pipeline import Record
 from daemon.safety.dead_man import SetpointGate
 from daemon.safety.supervisor import State
 from daemon.sim.virtual_time import run_virtual
+from support.statuses import IN_HOLD, ON_GROUND
 from support.trajectory_rig import NOTHING
 
-GROUND = AutopilotStatus(
-    connected=True,
-    mode=FlightMode.HOLD,
-    intended_mode=FlightMode.HOLD,
-    armed=False,
-    landed=LandedState.ON_GROUND,
-    system_status=SystemStatus.STANDBY,
-    global_position=GlobalPosition(47.0, 8.0, 500.0),
-)
-AIR = replace(GROUND, armed=True, landed=LandedState.IN_AIR, system_status=SystemStatus.ACTIVE)
+PLACE = GlobalPosition(47.0, 8.0, 500.0)
+GROUND = replace(ON_GROUND, global_position=PLACE)
+AIR = replace(IN_HOLD, global_position=PLACE)
 AT_TEN_METRES = EstimatedState(0.0, (0.0, 0.0, -10.0), ZERO3, IDENTITY, ZERO3)
 TIMEOUTS = CommandTimeouts()
 

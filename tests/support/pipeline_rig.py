@@ -6,34 +6,22 @@ from daemon import pipeline
 from daemon.config import load
 from daemon.messages import (
     WINDOW_SPACING_S,
-    AutopilotStatus,
-    FlightMode,
     FrameShift,
     Imu,
-    LandedState,
     Odometry,
     Reference,
     ReferenceWindow,
     RequestKind,
     Setpoint,
-    SystemStatus,
     VehicleRequest,
 )
 from daemon.parameters import geofence, pipeline_parameters
 from daemon.pipeline import Inputs, PipelineState, Record
 from daemon.safety.supervisor import State
+from support.statuses import IN_HOLD, IN_OFFBOARD
 
 CONFIG = load([])
 PARAMETERS = pipeline_parameters(CONFIG, geofence(CONFIG, (0.0, 0.0, 0.0)))
-HOLD = AutopilotStatus(
-    connected=True,
-    mode=FlightMode.HOLD,
-    intended_mode=FlightMode.HOLD,
-    armed=True,
-    landed=LandedState.IN_AIR,
-    system_status=SystemStatus.ACTIVE,
-)
-OFFBOARD = replace(HOLD, mode=FlightMode.OFFBOARD, intended_mode=FlightMode.OFFBOARD)
 DT_S = 0.01
 ENGAGE = VehicleRequest(1, RequestKind.ENGAGE)
 
@@ -62,7 +50,7 @@ class Flow:
         self.state: PipelineState = pipeline.initial(PARAMETERS)
         self.n = 0
         self.window: ReferenceWindow | None = None
-        self.status = HOLD
+        self.status = IN_HOLD
         self.request: VehicleRequest | None = None
 
     @property
@@ -89,7 +77,7 @@ class Flow:
         self.request = ENGAGE
         for _ in range(30):
             self.tick()
-        self.status = OFFBOARD
+        self.status = IN_OFFBOARD
         _, record = self.tick()
         assert record.supervision.state is State.HOLDING
         return self

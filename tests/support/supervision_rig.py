@@ -8,26 +8,16 @@ from daemon.messages import (
     FlightMode,
     LandedState,
     RequestKind,
-    SystemStatus,
     VehicleRequest,
 )
 from daemon.safety import supervision as safety
 from daemon.safety.conditions import Bounds, Facts
 from daemon.safety.supervision import Drive, Supervision, Timing
 from daemon.safety.supervisor import State
+from support.statuses import IN_HOLD, IN_OFFBOARD, ON_GROUND
 
 TICK_S = 0.01
 LEVEL = (1.0, 0.0, 0.0, 0.0)
-ON_GROUND = AutopilotStatus(
-    connected=True,
-    mode=FlightMode.HOLD,
-    intended_mode=FlightMode.HOLD,
-    armed=False,
-    landed=LandedState.ON_GROUND,
-    system_status=SystemStatus.STANDBY,
-)
-IN_HOLD = replace(ON_GROUND, armed=True, landed=LandedState.IN_AIR, system_status=SystemStatus.ACTIVE)
-IN_OFFBOARD = replace(IN_HOLD, mode=FlightMode.OFFBOARD, intended_mode=FlightMode.OFFBOARD)
 
 
 def vehicle_at(position: tuple[float, float, float] = (0.0, 0.0, -5.0)) -> EstimatedState:

@@ -6,7 +6,8 @@ from math import inf, isfinite, nan, pi
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from support.pipeline_rig import DT_S, ENGAGE, HOLD, OFFBOARD, PARAMETERS, Flow, odometry, window_of
+from support.pipeline_rig import DT_S, ENGAGE, PARAMETERS, Flow, odometry, window_of
+from support.statuses import IN_HOLD, IN_OFFBOARD
 
 from daemon import pipeline
 from daemon.messages import (
@@ -89,7 +90,7 @@ def test_the_reference_at_takeover_is_the_vehicle_as_it_is() -> None:
     for i in range(51):
         flow.request = ENGAGE if i >= 20 else None
         flow.tick(odometry(flow.n + 1, (0.003 * i, 0.0, -5.0), **drifting))
-    flow.status = OFFBOARD
+    flow.status = IN_OFFBOARD
     _, record = flow.tick(odometry(flow.n + 1, (0.003 * 51, 0.0, -5.0), **drifting))
     assert record.supervision.state in FLYING
     assert record.reference is not None
@@ -106,7 +107,7 @@ def test_the_fence_moves_with_a_reset() -> None:
     for i in range(30):
         flow.n += 1
         sample = odometry(flow.n, (0.0 if i < 5 else 18.0, 0.0, -5.0), reset_counter=11 if i < 5 else 13)
-        inputs = Inputs(sample, None, OFFBOARD, None, ENGAGE, False, parameters)
+        inputs = Inputs(sample, None, IN_OFFBOARD, None, ENGAGE, False, parameters)
         flow.state, _, record = pipeline.step(flow.state, inputs, flow.now_s, DT_S)
     assert flow.n > n
     assert record.supervision.state is State.HOLDING
@@ -127,7 +128,7 @@ def test_the_fence_is_where_its_anchor_was_plus_the_resets_since() -> None:
             sample = odometry(
                 flow.n, (position_n + (-3.0 if i < 5 else 0.0), 0.0, -5.0), reset_counter=11 if i < 5 else 13
             )
-            inputs = Inputs(sample, None, HOLD, None, None, False, parameters)
+            inputs = Inputs(sample, None, IN_HOLD, None, None, False, parameters)
             flow.state, _, record = pipeline.step(flow.state, inputs, flow.now_s, DT_S)
         assert record.estimate.shift.position_ned_m[0] == pytest.approx(3.0, abs=0.02)
         assert record.conditions.fence_breached is not inside
@@ -160,7 +161,7 @@ def test_only_a_goal_is_tracked_and_a_shut_gate_ends_it() -> None:
     assert flow.tick()[1].supervision.state is State.HOLDING
     flow.window = window_of(flow.state.flown, (0.0, 0.0, 0.0))
     assert flow.tick()[1].supervision.state is State.TRACKING
-    inputs = Inputs(odometry(flow.n + 1), None, OFFBOARD, flow.window, ENGAGE, True, PARAMETERS)
+    inputs = Inputs(odometry(flow.n + 1), None, IN_OFFBOARD, flow.window, ENGAGE, True, PARAMETERS)
     _, setpoint, record = pipeline.step(flow.state, inputs, flow.now_s + DT_S, DT_S)
     assert record.supervision.state is State.FAULT
     assert setpoint is None and record.reference is None and record.control is None
@@ -174,7 +175,7 @@ def test_what_was_learned_of_a_flight_before_is_forgotten_at_the_next_engage() -
     for _ in range(300):  # it thrusts, and yet it does not climb
         flow.tick()
     assert flow.state.control.hover_thrust > PARAMETERS.control.hover_thrust + 0.01
-    flow.status = HOLD
+    flow.status = IN_HOLD
     flow.request = None
     for _ in range(50):
         setpoint, record = flow.tick()

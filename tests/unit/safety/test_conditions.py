@@ -6,23 +6,16 @@ from pathlib import Path
 
 import pytest
 import yaml
+from support.statuses import IN_HOLD
 
-from daemon.messages import AutopilotStatus, EstimatedState, FlightMode, LandedState, SystemStatus
+from daemon.messages import EstimatedState, FlightMode, LandedState, SystemStatus
 from daemon.safety.conditions import Bounds, Conditions, Facts, Lasting, Memory, evaluate, in_flight, lasting
 from daemon.safety.dead_man import DeadManTiming
 from daemon.safety.geofence import Geofence
 
 TICK_S = 0.01
-FLYING = AutopilotStatus(
-    connected=True,
-    mode=FlightMode.HOLD,
-    intended_mode=FlightMode.HOLD,
-    armed=True,
-    landed=LandedState.IN_AIR,
-    system_status=SystemStatus.ACTIVE,
-)
 REST = EstimatedState(0.0, (0.0, 0.0, -5.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-CALM = Facts(FLYING, REST, 0.01)
+CALM = Facts(IN_HOLD, REST, 0.01)
 
 
 def tilted(angle_rad: float) -> Facts:
@@ -38,7 +31,7 @@ def at_height(height_m: float) -> Facts:
 
 
 def charged(fraction: float | None) -> Facts:
-    return replace(CALM, status=replace(FLYING, battery_fraction=fraction))
+    return replace(CALM, status=replace(IN_HOLD, battery_fraction=fraction))
 
 
 # What is measured, what it makes true, the bound and the time it has to last: as the configuration and its guide say.
@@ -158,14 +151,14 @@ def test_a_state_is_usable_until_it_is_too_old_to_coast(age_s: float, usable: bo
 
 def test_a_state_older_than_half_a_second_and_one_that_never_came_are_lost() -> None:
     assert Ticks().run(replace(CALM, age_s=0.51)).estimate_lost
-    never = Ticks().run(Facts(FLYING))
+    never = Ticks().run(Facts(IN_HOLD))
     assert never.estimate_lost and not never.state_usable
 
 
 @pytest.mark.parametrize("armed", [True, False])
 @pytest.mark.parametrize("landed", list(LandedState))
 def test_in_flight_is_armed_and_not_said_to_be_on_the_ground(armed: bool, landed: LandedState) -> None:
-    status = replace(FLYING, armed=armed, landed=landed)
+    status = replace(IN_HOLD, armed=armed, landed=landed)
     conditions = Ticks().run(replace(CALM, status=status))
     assert in_flight(status) == (armed and landed != LandedState.ON_GROUND)
     assert conditions.in_flight == in_flight(status)
@@ -176,7 +169,7 @@ def test_in_flight_is_armed_and_not_said_to_be_on_the_ground(armed: bool, landed
 
 @pytest.mark.parametrize("status", list(SystemStatus))
 def test_from_critical_on_the_autopilot_has_a_failsafe_and_termination_ends_all(status: SystemStatus) -> None:
-    conditions = Ticks().run(replace(CALM, status=replace(FLYING, system_status=status)))
+    conditions = Ticks().run(replace(CALM, status=replace(IN_HOLD, system_status=status)))
     assert conditions.failsafe == (status >= 5), "MAV_STATE_CRITICAL"
     assert conditions.terminated == (status >= 8), "MAV_STATE_FLIGHT_TERMINATION"
     assert conditions.engageable == (status == 4), "MAV_STATE_ACTIVE"
@@ -190,13 +183,13 @@ def test_an_autopilot_that_flies_another_mode_than_it_was_told_has_a_failsafe() 
         (FlightMode.UNKNOWN, FlightMode.RETURN, False),
         (FlightMode.OFFBOARD, FlightMode.HOLD, False),
     ):
-        conditions = Ticks().run(replace(CALM, status=replace(FLYING, mode=mode, intended_mode=intended)))
+        conditions = Ticks().run(replace(CALM, status=replace(IN_HOLD, mode=mode, intended_mode=intended)))
         assert conditions.failsafe is failsafe, (mode, intended)
 
 
 @pytest.mark.parametrize("mode", list(FlightMode))
 def test_each_mode_is_called_by_its_name(mode: FlightMode) -> None:
-    conditions = Ticks().run(replace(CALM, status=replace(FLYING, mode=mode, intended_mode=mode)))
+    conditions = Ticks().run(replace(CALM, status=replace(IN_HOLD, mode=mode, intended_mode=mode)))
     assert conditions.offboard == (mode.name == "OFFBOARD")
     assert conditions.hold == conditions.engageable == (mode.name == "HOLD")
     assert conditions.takeoff == (mode.name == "TAKEOFF")
@@ -206,9 +199,9 @@ def test_each_mode_is_called_by_its_name(mode: FlightMode) -> None:
 def test_what_makes_a_vehicle_engageable_is_needed_all_together() -> None:
     assert Ticks().run(CALM).engageable
     for spoiled in (
-        replace(CALM, status=replace(FLYING, armed=False)),
-        replace(CALM, status=replace(FLYING, landed=LandedState.LANDING)),
-        replace(CALM, status=replace(FLYING, intended_mode=FlightMode.MISSION)),
+        replace(CALM, status=replace(IN_HOLD, armed=False)),
+        replace(CALM, status=replace(IN_HOLD, landed=LandedState.LANDING)),
+        replace(CALM, status=replace(IN_HOLD, intended_mode=FlightMode.MISSION)),
         replace(CALM, age_s=0.3),
         replace(CALM, state=None),
         replace(CALM, variance_grows=True),
@@ -228,14 +221,14 @@ def test_facts_that_are_conditions_are_passed_on() -> None:
     ):
         assert not getattr(Ticks().run(CALM), condition)
         assert getattr(Ticks().run(replace(CALM, **{name: True})), condition)  # type: ignore[arg-type]
-    assert not Ticks().run(replace(CALM, status=replace(FLYING, connected=False))).link
+    assert not Ticks().run(replace(CALM, status=replace(IN_HOLD, connected=False))).link
 
 
 def test_requests_are_taken_as_they_are_named_and_the_boot_count_is_remembered() -> None:
     memory, conditions = evaluate(Memory(), CALM, 1.0, Bounds(), engage_asked=True, release_over=True)
     assert conditions.engage_asked and conditions.release_over and not conditions.release_asked
-    assert memory.boot_count == FLYING.boot_count
-    assert Facts(FLYING).age_s == inf
+    assert memory.boot_count == IN_HOLD.boot_count
+    assert Facts(IN_HOLD).age_s == inf
 
 
 def test_the_bounds_and_times_are_those_of_the_default_configuration() -> None:
@@ -256,5 +249,5 @@ def test_the_bounds_and_times_are_those_of_the_default_configuration() -> None:
 def test_what_nobody_said_is_not_so_but_an_estimate_that_nobody_gave_is_lost() -> None:
     nothing = Conditions()
     assert [f.name for f in fields(nothing) if getattr(nothing, f.name)] == ["estimate_lost"]
-    assert Facts(FLYING) == Facts(FLYING, None, inf, 0.0, False, 0.0, 0.0, False, False, False)
+    assert Facts(IN_HOLD) == Facts(IN_HOLD, None, inf, 0.0, False, 0.0, 0.0, False, False, False)
     assert Lasting() == Lasting(inf, False)

@@ -3,12 +3,8 @@
 from itertools import pairwise
 
 import pytest
-from support.supervision_rig import (
-    IN_HOLD,
-    Rig,
-    engaging,
-    ready,
-)
+from support.statuses import IN_HOLD
+from support.supervision_rig import Rig, engaging, ready
 
 from daemon.messages import (
     FlightMode,

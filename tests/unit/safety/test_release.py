@@ -4,13 +4,8 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from support.supervision_rig import (
-    IN_HOLD,
-    IN_OFFBOARD,
-    releasing,
-    tracking,
-    vehicle_at,
-)
+from support.statuses import IN_HOLD, IN_OFFBOARD
+from support.supervision_rig import releasing, tracking, vehicle_at
 
 from daemon.messages import (
     FlightMode,

@@ -1,7 +1,8 @@
 """Requests while the autopilot flies or waits, and what is nobody's request."""
 
 import pytest
-from support.supervision_rig import IN_HOLD, ON_GROUND, TICK_S, Rig, ready
+from support.statuses import IN_HOLD, ON_GROUND
+from support.supervision_rig import TICK_S, Rig, ready
 
 from daemon.messages import FlightMode, RequestKind, VehicleRequest
 from daemon.safety.supervision import Drive

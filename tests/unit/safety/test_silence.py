@@ -1,7 +1,8 @@
 """What takes the vehicle from us, or has it taken: silence within one tick, and who is asked for what then."""
 
 import pytest
-from support.supervision_rig import IN_HOLD, IN_OFFBOARD, ON_GROUND, Rig, tracking
+from support.statuses import IN_HOLD, IN_OFFBOARD, ON_GROUND
+from support.supervision_rig import Rig, tracking
 
 from daemon.messages import FlightMode, RequestKind, SystemStatus
 from daemon.safety.supervision import Drive
