@@ -50,7 +50,7 @@ class GoalServer:
         self._hub = hub
         self._dispatcher = Dispatcher(service, hub, self._turn)
         self._sessions: set[Session] = set()
-        self._turns: Turns[Callable[[], bool]] = Turns()
+        self._turns: Turns[Callable[[], bool]] = Turns(newcomers_first=True)
         self._most_clients = most_clients()
         self._check: asyncio.TimerHandle | None = None
         self._empty = asyncio.Event()

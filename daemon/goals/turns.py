@@ -1,4 +1,4 @@
-"""Whose turn it is: users in turn, of each user its processes, newcomers first, of each process what it asked for."""
+"""Whose turn it is: users in turn, of each user its processes, of each process what it asked for."""
 
 import asyncio
 import time
@@ -47,12 +47,14 @@ class _Processes(Generic[T]):
 class Turns(Generic[T]):
     """A queue that is fair to users and processes, however many connections and requests each of them has.
 
-    A process that had no turn for ``ANEW_S`` seconds of ``clock`` comes anew: it is next but one of its user's at the
-    latest, behind others that came anew before it. So one that floods, or asks again after each answer, keeps none
-    waiting that seldom asks (as the sparse flows of FQ-CoDel, RFC 8290).
+    ``newcomers_first``: a process that had no turn for ``ANEW_S`` seconds of ``clock`` is next but one of its user's at
+    the latest, behind others that came anew before it. So one that floods, or asks again after each answer, keeps none
+    waiting that seldom asks (as the sparse flows of FQ-CoDel, RFC 8290). Not for what has to stay in the order in which
+    processes came.
     """
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, *, newcomers_first: bool = False, clock: Callable[[], float] = time.monotonic) -> None:
+        self._newcomers_first = newcomers_first
         self._clock = clock
         self._users: dict[int, _Processes[T]] = {}
         self._turn_s: dict[tuple[int, int], float] = {}  # when a process last had one, the oldest first
@@ -66,7 +68,7 @@ class Turns(Generic[T]):
         processes = self._users.get(uid)
         if processes is None:
             processes = self._users[uid] = _Processes()
-        processes.put(pid, item, comes_anew=(uid, pid) not in self._turn_s)
+        processes.put(pid, item, comes_anew=self._newcomers_first and (uid, pid) not in self._turn_s)
 
     def count(self, uid: int, pid: int) -> int:
         """How many items of a process wait."""
@@ -80,8 +82,9 @@ class Turns(Generic[T]):
         pid, item = processes.take()
         if processes:
             self._users[uid] = processes
-        self._turn_s.pop((uid, pid), None)
-        self._turn_s[uid, pid] = self._clock()
+        if self._newcomers_first:
+            self._turn_s.pop((uid, pid), None)
+            self._turn_s[uid, pid] = self._clock()
         return item
 
     def _forget(self) -> None:
@@ -95,7 +98,7 @@ class Turns(Generic[T]):
 
 
 class Turnstile:
-    """Lets one through at a time; those who wait are let through in turn."""
+    """Lets one through at a time; processes that wait are let through in turn, in the order in which they came."""
 
     def __init__(self) -> None:
         self._busy = False

@@ -1,12 +1,13 @@
 """Turns are fair to users and processes, and one that seldom asks does not wait for a flood."""
 
+import asyncio
 from collections import Counter, defaultdict
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.goals.turns import ANEW_S, Turns
+from daemon.goals.turns import ANEW_S, Turns, Turnstile
 
 UID = 1000
 FLOOD = range(100)
@@ -28,7 +29,7 @@ class Crowd:
 
     def __init__(self, pause: int) -> None:
         self.clock = Clock()
-        self.turns: Turns[int] = Turns(self.clock)
+        self.turns: Turns[int] = Turns(newcomers_first=True, clock=self.clock)
         self._pause = pause
         self._again: defaultdict[int, list[int]] = defaultdict(list)
         self._count = 0
@@ -78,7 +79,7 @@ def test_who_asks_again_after_each_answer_has_one_turn_a_round() -> None:
 
 
 def test_newcomers_without_end_leave_half_of_the_turns_to_the_others() -> None:
-    turns: Turns[int] = Turns(Clock())
+    turns: Turns[int] = Turns(newcomers_first=True, clock=Clock())
     for _ in range(100):
         turns.put(UID, 1, 1)
     taken = []
@@ -97,7 +98,7 @@ def test_users_take_turns_however_many_processes_each_of_them_has() -> None:
 
 def test_processes_that_are_gone_are_forgotten() -> None:
     clock = Clock()
-    turns: Turns[int] = Turns(clock)
+    turns: Turns[int] = Turns(newcomers_first=True, clock=clock)
     for pid in range(10_000):
         turns.put(UID, pid, pid)
         turns.take()
@@ -105,10 +106,33 @@ def test_processes_that_are_gone_are_forgotten() -> None:
     assert len(turns._turn_s) <= 101
 
 
+async def test_goals_go_through_the_turnstile_as_they_came_whoever_comes_anew() -> None:
+    """The last to come is the last to be flown: a newcomer must not be preempted by who came before it."""
+    turnstile, order = Turnstile(), []
+
+    async def pass_through(pid: int) -> None:
+        await turnstile.enter(UID, pid)
+        order.append(pid)
+
+    await pass_through(2)
+    waiting = []
+    for pid in (1, 1, 7777):  # the first of them has its turn, and holds it, when the others come
+        waiting.append(asyncio.ensure_future(pass_through(pid)))
+        await asyncio.sleep(0)
+        if len(waiting) == 1:
+            turnstile.leave()
+            await waiting[0]
+    for _ in range(2):
+        turnstile.leave()
+        await asyncio.sleep(0)
+    await asyncio.gather(*waiting)
+    assert order == [2, 1, 1, 7777]
+
+
 @given(PUTS_AND_TAKES)
 def test_everything_comes_out_once_and_in_the_order_of_its_process(events: list[tuple[int, int] | None]) -> None:
     clock = Clock()
-    turns: Turns[tuple[int, int, int]] = Turns(clock)
+    turns: Turns[tuple[int, int, int]] = Turns(newcomers_first=True, clock=clock)
     put: defaultdict[tuple[int, int], list[int]] = defaultdict(list)
     taken: defaultdict[tuple[int, int], list[int]] = defaultdict(list)
     for number, event in enumerate(events):
