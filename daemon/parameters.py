@@ -112,4 +112,5 @@ def guidance_parameters(config: Config) -> GuidanceParameters:
         omega_rad_s=config.guidance.natural_frequency_rad_s,
         zeta=config.guidance.damping,
         omega_yaw_rad_s=config.guidance.natural_frequency_rad_s,
+        deviation_max_m=config.guidance.deviation_max_m,
     )

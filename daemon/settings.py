@@ -2,9 +2,12 @@
 
 import hashlib
 import json
+from math import atan2, degrees
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+
+from daemon.messages import GRAVITY_M_S2
 
 
 def _number(low: float, high: float, unit: str, settable: bool = False) -> Any:
@@ -82,6 +85,7 @@ class Guidance(Section):
     natural_frequency_rad_s: float = _number(0.1, 5.0, "rad/s", settable=True)
     damping: float = _number(0.3, 2.0, "-", settable=True)
     max_distance_m: float = _number(1.0, 100000.0, "m", settable=True)
+    deviation_max_m: float = _number(0.5, 1000.0, "m", settable=True)
     limits: Limits
 
 
@@ -261,6 +265,17 @@ class Config(Section):
     goals: Goals
     recording: Recording
     log: Log
+
+    @model_validator(mode="after")
+    def _can_accelerate(self) -> "Config":
+        acceleration_m_s2, tilt_deg = self.guidance.limits.acceleration_m_s2, self.control.tilt_max_deg
+        needed_deg = degrees(atan2(acceleration_m_s2, GRAVITY_M_S2))
+        if needed_deg > tilt_deg:
+            raise ValueError(
+                f"guidance.limits.acceleration_m_s2 {acceleration_m_s2:g} needs {needed_deg:.1f} deg of tilt: "
+                f"control.tilt_max_deg is {tilt_deg:g}"
+            )
+        return self
 
     def hash(self) -> str:
         """Twelve hexadecimal digits that change with any value."""

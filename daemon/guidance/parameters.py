@@ -13,7 +13,10 @@ class Profile(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuidanceParameters:
-    """How references are made; frequencies in rad/s."""
+    """How references are made; frequencies in rad/s.
+
+    ``deviation_max_m``: a goal is given up when the vehicle stays farther from its reference.
+    """
 
     profile: Profile = Profile.REFERENCE_FILTER
     omega_rad_s: float = 2.0  # natural frequency of the position's filter
@@ -22,3 +25,4 @@ class GuidanceParameters:
     omega_stream_rad_s: float = (
         5.0  # of the filters that follow a stream, heading too: they lag its jerk by jerk / omega^3
     )
+    deviation_max_m: float = 4.0

@@ -1,7 +1,8 @@
 """The trajectory task: owns the goal, publishes the reference window, says when the goal is reached.
 
 It runs at 10 Hz and at once when a goal comes, the vehicle changes hands or the estimate jumps. A new plan starts from
-the reference that is being flown, so position, velocity and acceleration go on without a step.
+the reference that is being flown, so position, velocity and acceleration go on without a step; from the vehicle when
+that reference has gone on without it (``following``).
 """
 
 import asyncio
@@ -18,6 +19,7 @@ from daemon.guidance.plan import Plan, SequencePlan
 from daemon.guidance.stream import StreamSample, completed, follow
 from daemon.latest import Latest
 from daemon.loops.active_goal import ActiveGoal
+from daemon.loops.following import Following, start_of
 from daemon.loops.goal_book import GoalBook
 from daemon.loops.goal_order import GoalListener, GoalOrder, Progress
 from daemon.loops.grid import Grid
@@ -70,6 +72,7 @@ class TrajectoryTask:
         self._woken = False
         self._state: State | None = None
         self._outside = False
+        self._following = Following()
 
     @property
     def goal_id(self) -> str | None:
@@ -132,9 +135,8 @@ class TrajectoryTask:
             return
         sample = completed(sample, active.streamed, active.order.limits)
         active.streamed = sample
-        flown = record.reference
         self._follow_resets(record.estimate.shift)
-        active.plan = follow(flown, sample, goal.timeout_s, active.order.limits, self._parameters())
+        active.plan = follow(start_of(record), sample, goal.timeout_s, active.order.limits, self._parameters())
         self.wake()
 
     def wake(self) -> None:
@@ -179,13 +181,21 @@ class TrajectoryTask:
             self._give_up(record)
             return
         self._follow_resets(record.estimate.shift)
-        plan = self._current_plan(record.reference)
+        if self._following.given_up(record, self._parameters().deviation_max_m):
+            self._give_up_goal()
+        start = start_of(record)
+        plan = self._current_plan(start)
         if self._active is not None and record.estimate.newest is not None:
             self._judge(self._active, plan, record.estimate.newest, _speed_m_s(record), now_s)
-            plan = self._current_plan(record.reference)
+            plan = self._current_plan(start)
         self.plan.set(plan)
         samples = self._samples(plan, record.reference.time_s)
         self.window.set(ReferenceWindow(self.goal_id, samples, record.estimate.shift))
+
+    def _give_up_goal(self) -> None:
+        """The goal's reference has gone on without the vehicle; a place that is held stays what it is."""
+        if self._active is not None and not self._active.canceled:
+            self._end("aborted", reason="not_followed")
 
     def _samples(self, plan: Plan, from_s: float) -> tuple[Reference, ...]:
         """The references from ``from_s`` on; those of the last window serve again while the plan is the same."""

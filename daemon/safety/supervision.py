@@ -4,7 +4,8 @@ Engage: setpoints that match the vehicle for ``match_s``, then OFFBOARD is asked
 ``engage_s``. Release: setpoints go on while Hold (or Land, Return) is asked for, again every ``repeat_s`` for a message
 may be lost; refused or not confirmed after ``confirm_s`` it is Land; that too: level for ``level_s``, then silence, so
 that the autopilot's own failsafe starts from level. A release from an engage starts in Hold, and what was asked of the
-autopilot within ``settle_s`` may still take effect: until then that Hold confirms nothing.
+autopilot within ``settle_s`` may still take effect: until then that Hold confirms nothing. An OFFBOARD that takes
+effect only after a pilot has ended the engage is undone, by one Hold, within ``undo_s`` of asking for it.
 """
 
 from dataclasses import dataclass, field, replace
@@ -31,6 +32,7 @@ class Timing:
     repeat_s: float = 0.05
     level_s: float = 0.2
     request_s: float = 3.0
+    undo_s: float = 1.0
 
 
 class Drive(Enum):
@@ -178,6 +180,9 @@ def _enter(
         asked_s = offboard_s if mode is FlightMode.HOLD else now_s
         settled_s = asked_s + timing.settle_s if before.state is State.ENGAGING else -inf
         return replace(supervision, asked_mode=mode, asked_s=now_s, asks=1, settled_s=settled_s), (mode,)
+    if before.state is State.ENGAGING and state is State.PILOT and before.asked_mode is FlightMode.OFFBOARD:
+        # It may still take effect, over the pilot's own choice: see _taken_from_the_pilot.
+        return replace(supervision, asked_mode=FlightMode.OFFBOARD, asked_s=before.asked_s), ()
     if before.state is State.RELEASING and state is State.READY and before.asked_mode is not FlightMode.HOLD:
         # A Land or Return that was asked for may still take effect.
         return replace(supervision, asked_mode=before.asked_mode, asked_s=before.asked_s), ()
@@ -207,6 +212,8 @@ def _continue(
             return _ask(supervision, FlightMode.OFFBOARD, now_s)
     if _stalled_and_still_offboard(supervision, status, timing):
         return replace(supervision, asks=1), (FlightMode.HOLD,)
+    if _taken_from_the_pilot(supervision, status, now_s, timing):
+        return replace(supervision, asked_mode=None), (FlightMode.HOLD,)
     if supervision.state is State.RELEASING:
         if not supervision.landing_asked and (refused or elapsed > timing.confirm_s):
             return _ask(replace(supervision, landing_asked=True), FlightMode.LAND, now_s)
@@ -235,6 +242,16 @@ def _stalled_and_still_offboard(supervision: Supervision, status: AutopilotStatu
         and supervision.asks == 0
         and status.mode is FlightMode.OFFBOARD
         and status.heartbeat_s > supervision.since_s + timing.confirm_s
+    )
+
+
+def _taken_from_the_pilot(supervision: Supervision, status: AutopilotStatus, now_s: float, timing: Timing) -> bool:
+    """Our OFFBOARD overtook the pilot's mode: nobody flies, and the sticks are dead, until somebody asks for Hold."""
+    return (
+        supervision.state is State.PILOT
+        and supervision.asked_mode is FlightMode.OFFBOARD
+        and status.mode is FlightMode.OFFBOARD
+        and now_s - supervision.asked_s <= timing.undo_s
     )
 
 

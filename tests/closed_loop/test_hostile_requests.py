@@ -171,6 +171,30 @@ def test_a_pilot_who_takes_over_while_a_path_is_planned_ends_its_goal_at_once() 
     fly(scenario)
 
 
+@pytest.mark.parametrize("before_s", [0.02, 0.05])
+def test_a_pilot_who_takes_over_just_before_offboard_is_not_left_without_sticks(before_s: float) -> None:
+    """On a slow link OFFBOARD takes effect after the pilot's mode: until it is undone, nobody flies."""
+
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne(engage=False)
+        flight.px4.inject(Link(delay_s=0.03))
+        await _wait(flight, 1.0)
+        engaging = asyncio.ensure_future(flight.vehicle.commander.engage())
+        await flight.until(lambda: FlightMode.OFFBOARD in {mode for _, mode in flight.asked[-1:]})
+        await _wait(flight, 0.03 - before_s)
+        flight.px4.inject(PilotTakesOver(mode="position"))
+        since_s, offboard_s = flight.now_s, 0.0
+        while flight.now_s - since_s < 3.0:
+            await _wait(flight, 0.01)
+            offboard_s += 0.01 * (flight.px4.mode is FlightMode.OFFBOARD)
+        assert offboard_s < 0.3
+        assert flight.state is State.PILOT
+        with pytest.raises(CommandRefusedError, match="pilot"):
+            await engaging
+
+    fly(scenario)
+
+
 def test_a_cancel_brakes_at_once_while_a_path_is_still_being_planned() -> None:
     async def scenario(flight: Flight) -> None:
         await flight.airborne()

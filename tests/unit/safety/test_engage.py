@@ -3,7 +3,7 @@
 from itertools import pairwise
 
 import pytest
-from support.statuses import IN_HOLD
+from support.statuses import IN_HOLD, IN_OFFBOARD
 from support.supervision_rig import Rig, engaging, ready
 
 from daemon.messages import (
@@ -136,3 +136,35 @@ def test_an_offboard_that_comes_while_the_engage_is_given_up_is_answered_by_hold
     assert rig.supervision.state is State.READY
     assert rig.asked[-1][1] is FlightMode.HOLD
     assert rig.supervision.asked_mode is FlightMode.HOLD
+
+
+def _pilot_over_offboard() -> Rig:
+    """A pilot chose Position after OFFBOARD was asked for and before it took effect."""
+    rig = engaging()
+    rig.tick(25)
+    assert [mode for _, mode in rig.asked] == [FlightMode.OFFBOARD]
+    rig.status(IN_HOLD, mode=FlightMode.POSITION, intended_mode=FlightMode.POSITION)
+    assert rig.tick() is State.PILOT
+    rig.asked.clear()
+    return rig
+
+
+def test_an_offboard_that_overtakes_the_pilots_mode_is_undone_once_and_the_pilot_keeps_the_vehicle() -> None:
+    rig = _pilot_over_offboard()
+    rig.tick(10)
+    assert rig.asked == []
+    rig.status(IN_OFFBOARD)
+    assert rig.tick(20) is State.PILOT
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD]
+    rig.status(IN_HOLD)
+    assert rig.tick(100) is State.PILOT
+    assert rig.drive is Drive.SILENT
+    assert len(rig.asked) == 1
+
+
+def test_an_offboard_that_somebody_else_chooses_later_is_left_alone() -> None:
+    rig = _pilot_over_offboard()
+    rig.tick(100)
+    rig.status(IN_OFFBOARD)
+    assert rig.tick(100) is State.PILOT
+    assert rig.asked == []
