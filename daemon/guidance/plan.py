@@ -54,6 +54,10 @@ class Plan(ABC):
         """The same plan after the estimate jumped by these amounts at ``at_s``: it keeps its physical place."""
         return ShiftedPlan(self, dp_ned_m, dv_ned_m_s, dyaw_rad, at_s)
 
+    def remaining(self, _from_s: float) -> "Plan":
+        """The same plan from a time on, without the plans that are over by then."""
+        return self
+
 
 class HoldPlan(Plan):
     """Rest in a place and heading, for a time."""
@@ -104,6 +108,40 @@ class SequencePlan(Plan):
     def sample(self, time_s: float) -> Reference:
         """The reference of the leg that is being flown then."""
         return self._legs[max(0, bisect_right(self._starts_s, time_s) - 1)].sample(time_s)
+
+
+class JoinedPlan(Plan):
+    """A plan that starts some time ahead, and what is flown until then; all but ``sample`` tells of the plan alone."""
+
+    def __init__(self, before: Plan, plan: Plan) -> None:
+        self.start_s = plan.start_s
+        self._before = before
+        self._plan = plan
+
+    @property
+    def end_s(self) -> float:
+        """End of the plan."""
+        return self._plan.end_s
+
+    @property
+    def target(self) -> Reference:
+        """The plan's target."""
+        return self._plan.target
+
+    @property
+    def path(self) -> Plan:
+        """The plan's path."""
+        return self._plan.path
+
+    def sample(self, time_s: float) -> Reference:
+        """The reference of what is flown then."""
+        return (self._before if time_s < self.start_s else self._plan).sample(time_s)
+
+    def remaining(self, from_s: float) -> Plan:
+        """The plan alone once it has started: a chain of goals that are planned ahead does not grow."""
+        if from_s >= self.start_s:
+            return self._plan
+        return JoinedPlan(self._before.remaining(from_s), self._plan)
 
 
 class ShiftedPlan(Plan):
@@ -168,7 +206,15 @@ class ShiftedPlan(Plan):
         """Moved further; mere positions and headings add up, so that a long hold does not pile up layers."""
         if dv_ned_m_s == ZERO3:
             return ShiftedPlan(self._plan, add(self._dp, dp_ned_m), self._dv, self._dyaw + dyaw_rad, self._at_s)
-        return ShiftedPlan(self, dp_ned_m, dv_ned_m_s, dyaw_rad, at_s)
+        return ShiftedPlan(self, dp_ned_m, dv_ned_m_s, dyaw_rad, at_s).remaining(at_s)
+
+    def remaining(self, from_s: float) -> Plan:
+        """What remains of the plan, moved; a jump within it whose velocity is taken out by then adds up too."""
+        inner = self._plan.remaining(from_s)
+        if isinstance(inner, ShiftedPlan) and from_s >= inner._at_s + inner._decay_s:
+            dp, dyaw = add(self._dp, inner._dp), self._dyaw + inner._dyaw
+            return ShiftedPlan(inner._plan, dp, self._dv, dyaw, self._at_s)
+        return ShiftedPlan(inner, self._dp, self._dv, self._dyaw, self._at_s)
 
 
 def _decay(s: float) -> tuple[float, float, float, float]:

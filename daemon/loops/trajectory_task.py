@@ -15,7 +15,7 @@ from daemon.guidance.brake import brake
 from daemon.guidance.goals import StreamGoal
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters
-from daemon.guidance.plan import Plan, SequencePlan
+from daemon.guidance.plan import JoinedPlan, Plan
 from daemon.guidance.stream import StreamSample, completed, follow
 from daemon.latest import Latest
 from daemon.loops.active_goal import ActiveGoal
@@ -260,7 +260,8 @@ class TrajectoryTask:
         """Plan beside the loop, from where the plan that is being flown will be then."""
         before = self.plan.value or brake(flown, self._limits())
         self._rest = before
-        active.ahead = asyncio.get_running_loop().create_task(self._plan_beside(active, before, self._shift.count))
+        needed = before.remaining(flown.time_s)
+        active.ahead = asyncio.get_running_loop().create_task(self._plan_beside(active, needed, self._shift.count))
 
     async def _plan_beside(self, active: ActiveGoal, before: Plan, shift_count: int) -> None:
         loop = asyncio.get_running_loop()
@@ -275,7 +276,7 @@ class TrajectoryTask:
             if self._active is not active or active.canceled or self._shift.count != shift_count:
                 break
             if loop.time() < start.time_s:
-                active.plan = SequencePlan((before, plan))
+                active.plan = JoinedPlan(before, plan)
             lead_s *= 2.0
         active.ahead = None
         self.wake()
