@@ -122,7 +122,8 @@ async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Li
     if recorder is not None:
         logs.flight.source = lambda: recorder.report.flight
         recorder.start()
-        vehicle.control.listeners.append(lambda inputs, record: recorder.tick(vehicle.control.state, inputs, record))
+        control = vehicle.control
+        control.watchers.add("recorder", lambda inputs, record: recorder.tick(control.state, inputs, record))
     server = GoalServer(
         service, hub, Operators(uids=frozenset(config.goals.operator_uids), gids=frozenset(config.goals.operator_gids))
     )
@@ -130,7 +131,7 @@ async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Li
     dead_man.start()
     await server.start(listener)
     vehicle.garbage.start()
-    vehicle.control.listeners.append(vehicle.garbage.on_tick)
+    vehicle.control.watchers.add("garbage", vehicle.garbage.on_tick)
     notify("READY=1\nSTATUS=waiting for the autopilot")
     failed = False
     try:

@@ -25,7 +25,7 @@ log = logs.get("vehicle")
 
 
 class Telemetry:
-    """A listener of the control task. Each topic is made only when somebody is due to get it."""
+    """A watcher of the control task. Each topic is made only when somebody is due to get it."""
 
     def __init__(self, vehicle: Vehicle, reports: Reports, hub: Hub, journal: Journal) -> None:
         self._vehicle = vehicle
@@ -36,7 +36,7 @@ class Telemetry:
         self._refused: str | None = None
         self._plan: Plan | None = None
         self._drawn: dict[str, Any] = {}
-        vehicle.control.listeners.append(self.on_tick)
+        vehicle.control.watchers.add("telemetry", self.on_tick)
 
     def on_tick(self, _inputs: Inputs, record: Record) -> None:
         """Publish what is wanted of this tick."""

@@ -7,6 +7,7 @@ from daemon import pipeline
 from daemon.autopilot.port import Autopilot
 from daemon.latest import Latest
 from daemon.loops.grid import Grid
+from daemon.loops.watchers import Watchers
 from daemon.messages import ExternalPose, ReferenceWindow, VehicleRequest
 from daemon.pipeline import Inputs, Parameters, PipelineState, Record
 from daemon.safety.dead_man import SetpointGate
@@ -15,7 +16,8 @@ from daemon.safety.dead_man import SetpointGate
 class ControlTask:
     """Owns the pipeline's state; writes ``record``, reads everything else.
 
-    ``listeners`` get the inputs and the record of each tick (the flight record, the tests); they must be quick.
+    ``listeners`` get the inputs and the record of each tick and fly with it: an error of theirs ends the task.
+    ``watchers`` get them too, after the listeners, and take nothing down. Both must be quick.
     ``pose`` is written by whoever has poses from outside. ``step_s`` is what the last step of the pipeline cost.
     """
 
@@ -31,6 +33,7 @@ class ControlTask:
     ) -> None:
         self.record = record
         self.listeners: list[Callable[[Inputs, Record], None]] = []
+        self.watchers = Watchers()
         self.grid = grid
         self.pose: Latest[ExternalPose | None] = Latest(None)
         self.step_s = 0.0
@@ -63,6 +66,7 @@ class ControlTask:
         self.record.set(record)
         for listener in self.listeners:
             listener(inputs, record)
+        self.watchers.tell(inputs, record)
 
     def _read(self) -> Inputs:
         return Inputs(

@@ -22,7 +22,7 @@ class GarbageReport:
 
 
 class Garbage:
-    """A listener of the control task, the last of them. Between ``start`` and ``stop`` nothing else collects.
+    """A watcher of the control task, the last of them. Between ``start`` and ``stop`` nothing else collects.
 
     What is alive at the start is looked at no more. A collection waits while the tick was late, or while the last one
     of its generation took longer than there is time, at most ``PATIENCE`` periods.

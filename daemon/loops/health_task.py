@@ -84,6 +84,8 @@ class HealthTask:
         if now_s - self._judged_s >= SLIP_PERIOD_S:
             self._judged_s = now_s
             self._judge_grids()
+        for name, text in vehicle.control.watchers.failures.items():
+            self.warnings[f"{name}_failed"] = text
         status = vehicle.autopilot.status.value
         self._follow_fence(status)
         if status.connected and self._asked_boot != (True, status.boot_count):

@@ -3,7 +3,7 @@
 In the composition root::
 
     recorder = Recorder(settings, about={"version": ..., "config_hash": ..., "config": ...}, clock=loop.time)
-    control.listeners.append(lambda inputs, record: recorder.tick(control.state, inputs, record))
+    control.watchers.add("recorder", lambda inputs, record: recorder.tick(control.state, inputs, record))
     recorder.start()
     ...                                    # event(), goal() and plan() as things happen
     recorder.close()                       # last, within CLOSE_S

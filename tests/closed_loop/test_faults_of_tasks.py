@@ -5,12 +5,16 @@ from typing import Any
 from unittest.mock import Mock
 
 import pytest
+import structlog
 from support.flight import Flight, fly
 
 from daemon.autopilot.port import CommandRefusedError
+from daemon.journal import Journal
 from daemon.messages import FlightMode
+from daemon.reports import Reports
 from daemon.safety.supervisor import State
 from daemon.sim.faults import Fault, ModesRefused
+from daemon.telemetry import Telemetry
 
 
 class DeliberateError(RuntimeError):
@@ -28,7 +32,7 @@ async def _under_way(flight: Flight) -> str:
     return goal_id
 
 
-@pytest.mark.parametrize("dies", ["trajectory", "health", "control"])
+@pytest.mark.parametrize("dies", ["trajectory", "health", "control", "listener of control"])
 def test_a_task_that_dies_hands_the_vehicle_over_before_the_daemon_ends(
     dies: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -41,6 +45,8 @@ def test_a_task_that_dies_hands_the_vehicle_over_before_the_daemon_ends(
             flight.vehicle.trajectory.tick = _die  # type: ignore[method-assign]
         elif dies == "health":
             monkeypatch.setattr("daemon.loops.health_task.notify", _die)
+        elif dies == "listener of control":
+            flight.vehicle.control.listeners.append(_die)
         else:
             monkeypatch.setattr("daemon.pipeline.step", _die)
         await flight.until(lambda: False)
@@ -71,6 +77,29 @@ def test_a_listener_that_fails_again_while_the_vehicle_is_given_away_does_not_ke
     (flight,) = flights
     assert flight.vehicle.gate.latched
     assert flight.px4.mode is FlightMode.HOLD
+
+
+def test_telemetry_that_fails_is_told_once_and_the_flight_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("daemon.telemetry._drawn", _die)
+
+    async def scenario(flight: Flight) -> None:
+        control, health = flight.vehicle.control, flight.vehicle.health
+        Telemetry(flight.vehicle, Reports(flight.vehicle), flight.hub, Journal(flight.hub, None))
+        told: list[float] = []
+        control.watchers.add("recorder", lambda _inputs, record: told.append(record.now_s))
+        goal_id = await _under_way(flight)
+        assert (await flight.result(goal_id)).outcome == "succeeded"
+        await flight.result(await flight.goto(40.0, 5.0, -12.0))
+        assert told[-1] == flight.records[-1].now_s
+        assert len(told) == len(flight.records)
+        assert "DeliberateError" in health.warnings["telemetry_failed"]
+        assert "recorder_failed" not in health.warnings
+
+    with structlog.testing.capture_logs() as lines:
+        fly(scenario)
+    failures = [line for line in lines if line["event"] == "watcher_failed"]
+    assert [(line["watcher"], line["error"]) for line in failures] == [("telemetry", "DeliberateError()")]
+    assert "telemetry.py:" in failures[0]["where"]
 
 
 def test_a_trajectory_task_that_stalls_leaves_a_vehicle_that_brakes_and_holds() -> None:
