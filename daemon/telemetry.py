@@ -103,8 +103,9 @@ class Telemetry:
         if plan is None or (plan is before and not self._hub.wants("plan")):
             return
         if plan is not before:
-            self._drawn = _drawn(plan, trajectory.order.goal if trajectory.order else None)
-        self._journal.plan({"time_s": record.now_s, "goal_id": trajectory.goal_id, **self._drawn})
+            drawn = _drawn(plan, trajectory.order.goal if trajectory.order else None)
+            self._drawn = {"goal_id": trajectory.goal_id, **drawn}
+        self._journal.plan({"time_s": record.now_s, **self._drawn})
 
     def _events(self, record: Record) -> None:
         supervision = record.supervision

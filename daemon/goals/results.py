@@ -207,7 +207,8 @@ class SetpointTelemetry(TypedDict):
 class PlanTelemetry(TypedDict):
     """Payload of telemetry.plan: the whole planned path, positions at even spacing in time from ``start_s`` on.
 
-    ``candidates_ned_m``: the paths of the seven motion primitives of a polynomial's jerk, none for other goals.
+    ``goal_id``: the goal that it was planned for, which may have ended. ``candidates_ned_m``: the paths of the seven
+    motion primitives of a polynomial's jerk, none for other goals.
     """
 
     time_s: float

@@ -43,8 +43,11 @@ class ActiveGoal:
 
     def judge(
         self, plan: Plan, state: EstimatedState, speed_m_s: float, now_s: float
-    ) -> tuple[Progress, Verdict | None]:
-        """Progress of now, and the verdict when it has ended; ``speed_m_s`` is that of the vehicle."""
+    ) -> tuple[Progress | None, Verdict | None]:
+        """Progress of now, and the verdict when it has ended; ``speed_m_s`` is that of the vehicle.
+
+        There is no progress while the goal is being planned: ``plan`` is the one before.
+        """
         order = self.order
         self.flying_since_s = now_s if self.flying_since_s is None else self.flying_since_s
         mode = order.goal.mode if isinstance(order.goal, WaypointGoal) else WaypointMode.FULL_POSE
@@ -54,11 +57,14 @@ class ActiveGoal:
             Pose(state.position_ned_m, frames.from_yaw(frames.yaw_of(state.attitude_wb))),
             Pose(target.position_ned_m, frames.from_yaw(target.yaw_rad)),
         )
+        verdict = self._verdict(plan, error, speed_m_s, now_s, self.flying_since_s)
+        if self.plan is None:
+            return None, verdict
         self.entry.error_m, self.entry.error_deg = error.position_m, degrees(error.angle_rad)
         progress = Progress(
             order.goal_id, order.kind, error.position_m, error.angle_rad, plan.progress(now_s), plan.end_s - now_s
         )
-        return progress, self._verdict(plan, error, speed_m_s, now_s, self.flying_since_s)
+        return progress, verdict
 
     def _verdict(
         self, plan: Plan, error: PoseError, speed_m_s: float, now_s: float, flying_since_s: float

@@ -1,11 +1,13 @@
 """What subscribers of the topic ``plan`` get while the daemon flies in virtual time."""
 
 import json
+from itertools import pairwise
 from math import dist
 from typing import Any
 
 import pytest
 from support.flight import Flight, fly
+from support.trajectory_rig import slow_planning
 
 from daemon.frames import norm
 from daemon.goals.results import PlanTelemetry
@@ -24,7 +26,7 @@ class Subscriber:
             self.plans.append(message["params"])
 
 
-async def flown_plans(flight: Flight, **goal: Any) -> list[PlanTelemetry]:
+async def flown_plans(flight: Flight, allow_s: float = 0.3, **goal: Any) -> list[PlanTelemetry]:
     """The plans of a goal flown from rest at (0, 0, -10), as a subscriber hears of them ten times a second."""
     Telemetry(flight.vehicle, Reports(flight.vehicle), flight.hub, Journal(flight.hub, None))
     subscriber = Subscriber()
@@ -35,7 +37,7 @@ async def flown_plans(flight: Flight, **goal: Any) -> list[PlanTelemetry]:
     entry = await flight.result(goal_id)
     assert entry.outcome == "succeeded" and entry.duration_s is not None
     heard = [plan for plan in subscriber.plans if plan["goal_id"] == goal_id]
-    assert len(heard) == pytest.approx(10.0 * entry.duration_s, abs=3.0)
+    assert len(heard) == pytest.approx(10.0 * entry.duration_s, abs=10.0 * allow_s)
     return heard
 
 
@@ -53,6 +55,23 @@ def test_a_plan_is_the_whole_way_from_the_flown_reference_to_the_goal() -> None:
             index = round((flown.time_s - plan["start_s"]) / plan["spacing_s"])
             half_a_spacing_m = 0.5 * plan["spacing_s"] * norm(flown.velocity_ned_m_s)
             assert dist(path[min(index, len(path) - 1)], flown.position_ned_m) < half_a_spacing_m + 0.01
+
+    fly(scenario)
+
+
+def test_the_plan_of_a_path_is_the_path_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    corners = [[6.0, 0.0, -10.0], [6.0, 6.0, -10.0], [0.0, 6.0, -10.0]]
+
+    async def scenario(flight: Flight) -> None:
+        slow_planning(monkeypatch, [0.0, 0.3])  # the check when it is submitted, and the plan that is flown
+        path = {"waypoints": [{"position": corner} for corner in corners], "through": "fly_by"}
+        heard = await flown_plans(flight, path=path, allow_s=0.5)
+        for plan in heard:
+            ways = plan["positions_ned_m"]
+            assert dist(ways[0], (0.0, 0.0, -10.0)) < 1e-3
+            assert dist(ways[-1], corners[-1]) < 1e-6
+            assert all(min(dist(corner, place) for place in ways) < 0.5 for corner in corners)
+            assert sum(dist(one, two) > 0.01 for one, two in pairwise(ways)) > 80
 
     fly(scenario)
 

@@ -7,6 +7,8 @@ from itertools import pairwise
 from math import hypot
 from typing import Any
 
+import pytest
+
 from daemon import pipeline
 from daemon.config import load
 from daemon.frames import add, from_yaw, scale, subtract
@@ -163,6 +165,22 @@ def run(scenario: Callable[[Rig], Awaitable[None]]) -> None:
         await played
 
     run_virtual(main())
+
+
+def slow_planning(monkeypatch: pytest.MonkeyPatch, takes_s: list[float]) -> list[float]:
+    """Planning beside the loop takes that long, one number for each attempt; returns when each began."""
+    loop, begun = asyncio.get_running_loop(), list[float]()
+
+    def run_in_executor(_executor: None, work: Callable[..., object], *args: object) -> "asyncio.Task[object]":
+        async def slowly() -> object:
+            begun.append(loop.time())
+            await asyncio.sleep(takes_s[len(begun) - 1])
+            return work(*args)
+
+        return asyncio.ensure_future(slowly())
+
+    monkeypatch.setattr(loop, "run_in_executor", run_in_executor)
+    return begun
 
 
 def to(position: Vec3, **waypoint: Any) -> WaypointGoal:

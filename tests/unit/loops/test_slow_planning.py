@@ -1,11 +1,9 @@
 """The vehicle flies on while a long path is planned, and a plan that was overtaken is dropped."""
 
-import asyncio
-from collections.abc import Callable
 from math import dist
 
 import pytest
-from support.trajectory_rig import NEAR, Rig, assert_smooth, run, to
+from support.trajectory_rig import NEAR, Rig, assert_smooth, run, slow_planning, to
 
 from daemon.guidance.goals import PathGoal, Through, WaypointGoal
 from daemon.messages import AutopilotStatus, FrameShift
@@ -13,22 +11,6 @@ from daemon.safety.supervisor import State
 
 CORNERS = tuple(WaypointGoal(position_ned_m=p) for p in ((8.0, 0.0, -10.0), (8.0, 8.0, -12.0), (0.0, 8.0, -10.0)))
 FLY_BY = PathGoal(waypoints=CORNERS, through=Through.FLY_BY)
-
-
-def slow_planning(monkeypatch: pytest.MonkeyPatch, takes_s: list[float]) -> list[float]:
-    """Planning beside the loop takes that long, one number for each attempt; returns when each began."""
-    loop, begun = asyncio.get_running_loop(), list[float]()
-
-    def run_in_executor(_executor: None, work: Callable[..., object], *args: object) -> "asyncio.Task[object]":
-        async def slowly() -> object:
-            begun.append(loop.time())
-            await asyncio.sleep(takes_s[len(begun) - 1])
-            return work(*args)
-
-        return asyncio.ensure_future(slowly())
-
-    monkeypatch.setattr(loop, "run_in_executor", run_in_executor)
-    return begun
 
 
 def passes(rig: Rig) -> bool:
