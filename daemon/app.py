@@ -139,7 +139,7 @@ async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Li
         failed = tasks.done()
         notify("STOPPING=1")
         if not failed:
-            await _first_of(vehicle.release(), stop.asked_again)
+            await vehicle.release()  # no hurry cuts this: the vehicle would be left on its last rates
     finally:
         log.info("stopping", state=vehicle.commander.state.value)
         await _first_of(server.stop(), stop.asked_again)
@@ -191,7 +191,10 @@ async def _first_of(work: Any, asked_again: "asyncio.Future[None]") -> None:
 
 
 class _Stop:
-    """SIGTERM, Ctrl-C and the end of the terminal: the first asks to stop, the second to hurry."""
+    """SIGTERM, Ctrl-C and the end of the terminal: the first asks to stop, the second to hurry.
+
+    Both may come at once: a wrapper forwards what the terminal has sent already.
+    """
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self.asked: asyncio.Future[None] = loop.create_future()

@@ -67,6 +67,12 @@ async def _terminated(scene: Scene) -> None:
     await scene.air.passes(1.0)
 
 
+async def _terminated_by_two(scene: Scene) -> None:
+    """As when a wrapper forwards what the terminal has sent already."""
+    scene.signal(signal.SIGINT)
+    await _terminated(scene)
+
+
 async def _record_fails(scene: Scene) -> None:
     scene.signal(signal.SIGUSR1)
     await scene.goal_ends()
@@ -166,6 +172,18 @@ CASES: tuple[LiveCase, ...] = (
         name="SIGTERM",
         words="Hold within 1.5 s, the goal ends, exit code 0",
         do=_terminated,
+        states=("-",),
+        modes=(HOLD,),
+        outcomes=("aborted", "canceled"),
+        silent_s=1.5,
+        hold_s=1.5,
+        exits=0,
+        says=("stopped",),
+    ),
+    LiveCase(
+        name="SIGINT and SIGTERM at once",
+        words="as SIGTERM alone",
+        do=_terminated_by_two,
         states=("-",),
         modes=(HOLD,),
         outcomes=("aborted", "canceled"),
