@@ -120,7 +120,7 @@ class MavsdkLink(SessionLink):
     """Implements ``Autopilot`` on MAVSDK. ``url`` as MAVSDK's: udpin://127.0.0.1:14540, serial:///dev/ttyAMA0:921600.
 
     ``run`` opens the connection (again and again while that fails), waits for an autopilot and keeps the cells fresh.
-    ``late_callbacks`` counts messages that came after ``run`` had ended.
+    ``late_callbacks`` counts messages that came after the loop had ended.
     """
 
     def __init__(self, url: str, *, link_timeout_s: float = 0.5) -> None:
@@ -133,8 +133,8 @@ class MavsdkLink(SessionLink):
         self.late_callbacks = 0
         self._own_ids = own_ids
         self._threads = ThreadStates()
+        self._sdk: Mavsdk | None = None
         self._wire: _Wire | None = None
-        self._opened = False
         self._loop: asyncio.AbstractEventLoop | None = None
         self._loop_thread = 0
 
@@ -142,18 +142,31 @@ class MavsdkLink(SessionLink):
         """Connect, ask for the streams on every (re)connect, keep the cells fresh, until cancelled."""
         self._loop, self._loop_thread = asyncio.get_running_loop(), threading.get_ident()
         sdk = Mavsdk(self._configuration)
+        await self._open(sdk)
+        self._sdk = sdk
+        system = await self._first_autopilot(sdk)
+        self._wire = _Wire(system, *self._own_ids)
+        for name in self.session.wanted:
+            self._wire.direct.subscribe_message(name, self._callback(name))
+        _log.info("autopilot found", system_id=self._wire.system_id)
+        await self._keep(sdk)
+
+    async def close(self) -> None:
+        """Nothing is sent any more; ends MAVSDK, or leaves it behind after ``_CLOSE_S``."""
+        sdk, wire = self._sdk, self._wire
+        self._sdk = self._wire = None
+        if sdk is None:  # it may still be opening: nothing may be taken from under it
+            return
+
+        def end() -> None:
+            if wire is not None:
+                wire.cut()  # waits for a send that is under way
+            sdk.destroy()
+
         try:
-            await self._open(sdk)
-            system = await self._first_autopilot(sdk)
-            self._wire = _Wire(system, *self._own_ids)
-            for name in self.session.wanted:
-                self._wire.direct.subscribe_message(name, self._callback(name))
-            _log.info("autopilot found", system_id=self._wire.system_id)
-            await self._keep(sdk)
-        finally:
-            wire, self._wire = self._wire, None
-            if self._opened:  # else it may still be at it: nothing may be taken from under it
-                await self._close(sdk, wire)
+            await asyncio.wait_for(aside(end), _CLOSE_S)
+        except TimeoutError:
+            _log.warning("mavsdk did not close in time")
 
     def send_setpoint(self, setpoint: Setpoint) -> bool:
         """Send one body-rate setpoint now, from any thread; False when there is no autopilot or it is not finite."""
@@ -172,24 +185,12 @@ class MavsdkLink(SessionLink):
             self._hand_over(self.session.mode_requested, mode, loop.time())
         return wire.send(message)
 
-    async def _close(self, sdk: Mavsdk, wire: _Wire | None) -> None:
-        def close() -> None:
-            if wire is not None:
-                wire.cut()  # waits for a send that is under way
-            sdk.destroy()
-
-        try:
-            await asyncio.wait_for(aside(close), _CLOSE_S)
-        except TimeoutError:
-            _log.warning("mavsdk did not close in time")
-
     # ---- opening
 
     async def _open(self, sdk: Mavsdk) -> None:
         while True:
             result = await aside(lambda: sdk.add_any_connection(self.url))
             if result == ConnectionResult.SUCCESS:
-                self._opened = True
                 _log.info("waiting for an autopilot", url=self.url)
                 return
             _log.warning("connection failed, trying again", url=self.url, result=result.name)

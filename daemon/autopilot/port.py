@@ -55,7 +55,13 @@ class Autopilot(Protocol):
     clock: Latest[ClockSync | None]
 
     async def run(self) -> None:
-        """Connect, ask for the streams on every (re)connect, keep the cells fresh, until cancelled."""
+        """Connect, ask for the streams on every (re)connect, keep the cells fresh, until cancelled.
+
+        What ends it, a failure too, leaves the way out open: the vehicle can still be handed over.
+        """
+
+    async def close(self) -> None:
+        """After ``run`` has ended: nothing is sent and nothing comes any more."""
 
     def send_setpoint(self, setpoint: Setpoint) -> bool:
         """Send one body-rate setpoint (SET_ATTITUDE_TARGET) now."""

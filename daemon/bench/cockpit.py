@@ -94,9 +94,12 @@ class Cockpit:
 
     async def run(self) -> None:
         """Run link and control until cancelled."""
-        async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(self._autopilot.run())
-            tasks.create_task(self._control.run())
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(self._autopilot.run())
+                tasks.create_task(self._control.run())
+        finally:
+            await self._autopilot.close()
 
     async def airborne(self, height_m: float) -> None:
         """Wait for the vehicle; take off when it is on the ground."""

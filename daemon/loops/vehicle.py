@@ -81,13 +81,15 @@ class Vehicle:
 
     async def run(self) -> None:
         """Run all tasks until cancelled; the first that fails ends all, after it has handed over the vehicle."""
-        async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(self.autopilot.run())
-            for part in (self.control, self.trajectory, self.health):
-                tasks.create_task(self._handing_over(part))
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                for part in (self.autopilot, self.control, self.trajectory, self.health):
+                    tasks.create_task(self._handing_over(part))
+        finally:
+            await self.autopilot.close()
 
-    async def _handing_over(self, part: ControlTask | TrajectoryTask | HealthTask) -> None:
-        """The link must not go down with a failed task before the autopilot has the vehicle."""
+    async def _handing_over(self, part: Autopilot | ControlTask | TrajectoryTask | HealthTask) -> None:
+        """Link and control task must not go down with a failed task before the autopilot has the vehicle."""
         try:
             await part.run()
         except Exception as error:

@@ -44,33 +44,35 @@ class InProcessAutopilot(SessionLink):
         self.px4 = px4
         self._steps = 0
         self._time: Callable[[], float] = lambda: 0.0
+        self._pumps: asyncio.TimerHandle | None = None
 
     async def run(self) -> None:
-        """Step the vehicle on a 4 ms grid of the loop's clock until cancelled."""
+        """Step the vehicle on a 4 ms grid of the loop's clock. Whatever ends this, it flies on until ``close``."""
         loop = asyncio.get_running_loop()
         self._time = loop.time
-        finished: asyncio.Future[None] = loop.create_future()
+        failed: asyncio.Future[None] = loop.create_future()
         start_s, start_steps = loop.time(), self._steps
-        handle: asyncio.TimerHandle | None = None
 
         def pump() -> None:
-            nonlocal handle, start_s, start_steps
+            nonlocal start_s, start_steps
             try:
                 due = int((loop.time() - start_s) / STEP_S + 0.5) + start_steps - self._steps
                 if due > _LARGEST_CATCH_UP:
                     start_s, start_steps, due = loop.time(), self._steps, 1
                 for _ in range(due):
                     self._advance(loop.time())
-            except Exception as error:  # noqa: BLE001  # a fault of the simulation ends run() with it
-                finished.set_exception(error)
-                return
-            handle = loop.call_at(start_s + (self._steps + 1 - start_steps) * STEP_S, pump)
+            except Exception as error:  # noqa: BLE001  # a fault of session or simulation ends run() with it
+                if not failed.done():
+                    failed.set_exception(error)
+            self._pumps = loop.call_at(start_s + (self._steps + 1 - start_steps) * STEP_S, pump)
 
-        handle = loop.call_at(start_s + STEP_S, pump)
-        try:
-            await finished
-        finally:
-            handle.cancel()
+        self._pumps = loop.call_at(start_s + STEP_S, pump)
+        await failed
+
+    async def close(self) -> None:
+        """The vehicle stands still from now on."""
+        if self._pumps is not None:
+            self._pumps.cancel()
 
     def send_setpoint(self, setpoint: Setpoint) -> bool:
         """Send one body-rate setpoint now; False when there is no autopilot or it is not finite."""
@@ -89,8 +91,8 @@ class InProcessAutopilot(SessionLink):
         return True
 
     def _advance(self, now_s: float) -> None:
-        self.px4.step()
         self._steps += 1
+        self.px4.step()
         if self._steps % _HEARTBEAT_STEPS == 1:
             self.px4.receive(*_HEARTBEAT)
         for name, fields in self.px4.take_outgoing():

@@ -51,6 +51,10 @@ class PulsedAutopilot:
         """See ``Autopilot``."""
         await self._autopilot.run()
 
+    async def close(self) -> None:
+        """See ``Autopilot``."""
+        await self._autopilot.close()
+
     def send_setpoint(self, setpoint: Setpoint) -> bool:
         """Send the setpoint with its pulse; from the dead-man's thread, when nobody permits, as it is."""
         now_s = self._clock()

@@ -32,7 +32,7 @@ async def _under_way(flight: Flight) -> str:
     return goal_id
 
 
-@pytest.mark.parametrize("dies", ["trajectory", "health", "control", "listener of control"])
+@pytest.mark.parametrize("dies", ["trajectory", "health", "control", "listener of control", "link"])
 def test_a_task_that_dies_hands_the_vehicle_over_before_the_daemon_ends(
     dies: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -47,6 +47,8 @@ def test_a_task_that_dies_hands_the_vehicle_over_before_the_daemon_ends(
             monkeypatch.setattr("daemon.loops.health_task.notify", _die)
         elif dies == "listener of control":
             flight.vehicle.control.listeners.append(_die)
+        elif dies == "link":
+            flight.autopilot.session.poll = _die  # type: ignore[method-assign]
         else:
             monkeypatch.setattr("daemon.pipeline.step", _die)
         await flight.until(lambda: False)

@@ -123,6 +123,7 @@ async def running(link: MavsdkLink) -> AsyncIterator["asyncio.Task[None]"]:
         async with asyncio.timeout(PATIENCE_S):
             with contextlib.suppress(asyncio.CancelledError):
                 await task
+            await link.close()
 
 
 @contextlib.asynccontextmanager
@@ -257,6 +258,27 @@ async def test_nothing_can_be_sent_after_the_end() -> None:
     async with connected() as (link, _px4):
         assert link.send_setpoint(Setpoint((0.0, 0.0, 0.0), 0.5))
     assert not link.send_setpoint(Setpoint((0.0, 0.0, 0.0), 0.5))
+    assert not link.request_mode(FlightMode.HOLD)
+
+
+async def test_a_mode_can_be_asked_for_when_the_run_has_failed_until_the_link_is_closed() -> None:
+    def fail(_now_s: float) -> None:
+        raise ZeroDivisionError
+
+    port = free_port()
+    link, px4 = MavsdkLink(f"udpin://127.0.0.1:{port}"), UdpPx4(port)
+    run = asyncio.ensure_future(link.run())
+    await px4.start()
+    try:
+        await until(lambda: link.status.value.connected)
+        link.session.poll = fail  # type: ignore[method-assign]
+        with pytest.raises(ZeroDivisionError):
+            await run
+        assert link.request_mode(FlightMode.HOLD)
+        await until(lambda: len(px4.commands(176)) == 1)
+    finally:
+        await link.close()
+        await px4.stop()
     assert not link.request_mode(FlightMode.HOLD)
 
 

@@ -45,12 +45,15 @@ async def connected(speed: float) -> AsyncIterator[tuple[MavsdkLink, SimulatedPx
     px4 = SimulatedPx4(airframe=load("sih"), seed=3, system_id=3)
     link = MavsdkLink(f"udpin://127.0.0.1:{port}", link_timeout_s=5.0)
     server = MavlinkServer([px4], port=port, first_system_id=3, speed=speed)
-    async with running(asyncio.ensure_future(link.run()), asyncio.ensure_future(server.run())):
-        await until(lambda: link.status.value.connected and link.odometry.value is not None)
-        await until(lambda: link.status.value.landed is not LandedState.UNDEFINED)
-        yield link, px4
-        assert server.endpoints[0].unsendable == {}
-        assert link.session.malformed == {}
+    try:
+        async with running(asyncio.ensure_future(link.run()), asyncio.ensure_future(server.run())):
+            await until(lambda: link.status.value.connected and link.odometry.value is not None)
+            await until(lambda: link.status.value.landed is not LandedState.UNDEFINED)
+            yield link, px4
+            assert server.endpoints[0].unsendable == {}
+            assert link.session.malformed == {}
+    finally:
+        await link.close()
 
 
 async def stream(link: MavsdkLink, condition: Callable[[], bool]) -> None:

@@ -79,6 +79,7 @@ async def play(lines: list[Line]) -> tuple[list[Odometry], list[AutopilotStatus]
         task.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await task
+        await link.close()
     return [sample for sample in odometry.all if sample is not None], status.all
 
 

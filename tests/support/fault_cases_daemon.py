@@ -44,6 +44,7 @@ def _tasks() -> list[Case]:
         ),
         Case(name="health task dies", do=_kill_health, state=State.READY, left="requested", asked=(HOLD,), **dead),
         Case(name="control task dies", do=_kill_control, state=State.TRACKING, **dead),
+        Case(name="link task dies", do=_kill_link, state=State.READY, left="requested", asked=(HOLD,), **dead),
         Case(
             name="trajectory task stalls",
             do=_stall_trajectory,
@@ -66,6 +67,10 @@ def _kill_health(_flight: Flight, stack: ExitStack) -> None:
 
 def _kill_control(_flight: Flight, stack: ExitStack) -> None:
     stack.enter_context(mock.patch("daemon.pipeline.step", _die))
+
+
+def _kill_link(flight: Flight, _stack: ExitStack) -> None:
+    flight.autopilot.session.poll = _die  # type: ignore[method-assign]
 
 
 def _stall_trajectory(flight: Flight, _stack: ExitStack) -> None:

@@ -73,6 +73,12 @@ async def _terminated_by_two(scene: Scene) -> None:
     await _terminated(scene)
 
 
+async def _ended(scene: Scene) -> None:
+    scene.signal(signal.SIGUSR1)
+    await scene.child.process.wait()
+    await scene.air.passes(1.5)
+
+
 async def _record_fails(scene: Scene) -> None:
     scene.signal(signal.SIGUSR1)
     await scene.goal_ends()
@@ -191,6 +197,19 @@ CASES: tuple[LiveCase, ...] = (
         hold_s=1.5,
         exits=0,
         says=("stopped",),
+    ),
+    LiveCase(
+        name="link task dies",
+        words="Hold within 0.5 s, the goal `aborted`, the daemon ends with code 1",
+        do=_ended,
+        trouble="link_dies",
+        states=("-",),
+        modes=(HOLD,),
+        outcomes=("aborted",),
+        silent_s=0.5,
+        hold_s=0.5,
+        exits=1,
+        says=("task_failed", "stopped"),
     ),
     LiveCase(
         name=f"socket flooded by {FLOODERS} clients",

@@ -1,7 +1,7 @@
 """``flightd run`` that gets into trouble on request: ``python troubled_daemon.py CONNECTION SOCKET [CONFIG]``.
 
 SIGUSR1 begins what $TROUBLE names: ``loop_blocked`` and ``interpreter_held`` last $BLOCK_S seconds, ``disk_full`` and
-``read_only`` stay, ``reads_file`` reads files in the loop. While setpoints leave, calls that wait on the loop's thread
+``read_only`` stay, ``reads_file`` reads files in the loop, ``link_dies`` lets the link's task die. While setpoints leave, calls that wait on the loop's thread
 are logged as ``blocking_call``.
 """
 
@@ -18,6 +18,7 @@ from typing import Any
 import blocking_calls
 
 from daemon import app, config, logs
+from daemon.autopilot.session import Px4Session
 from daemon.loops.vehicle import Vehicle
 from daemon.pipeline import Inputs, Record
 
@@ -64,6 +65,13 @@ def _reads_file() -> None:
     config.load([])
 
 
+def _link_dies() -> None:
+    def die(_self: Px4Session, _now_s: float) -> None:
+        raise RuntimeError("let die")
+
+    Px4Session.poll = die  # type: ignore[method-assign]
+
+
 TROUBLES = {
     "": lambda: None,
     "loop_blocked": _loop_blocked,
@@ -71,6 +79,7 @@ TROUBLES = {
     "disk_full": _disk_full,
     "read_only": _read_only,
     "reads_file": _reads_file,
+    "link_dies": _link_dies,
 }
 
 

@@ -27,6 +27,8 @@ class Wire:
 
     async def run(self) -> None: ...
 
+    async def close(self) -> None: ...
+
     def send_setpoint(self, setpoint: Setpoint) -> bool:
         self.setpoints.append(setpoint)
         return self.up
