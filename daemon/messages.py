@@ -19,7 +19,10 @@ GRAVITY_M_S2 = 9.80665
 
 
 class FlightMode(Enum):
-    """Flight modes of the autopilot, by the names that PX4's documentation uses."""
+    """Flight modes of the autopilot, by the names that PX4's documentation uses.
+
+    A new one comes last: flight records have their places, and a replay compares them.
+    """
 
     UNKNOWN = "unknown"
     MANUAL = "manual"
@@ -38,6 +41,11 @@ class FlightMode(Enum):
     PRECISION_LAND = "precision_land"
     ORBIT = "orbit"
     EXTERNAL = "external"
+    POSITION_SLOW = "position_slow"
+    ALTITUDE_CRUISE = "altitude_cruise"
+    VTOL_TAKEOFF = "vtol_takeoff"
+    GUIDED_COURSE = "guided_course"
+    TERMINATION = "termination"
 
     __hash__ = object.__hash__  # Enum's own hashes the name, in Python, at each of a tick's look-ups
 

@@ -61,6 +61,8 @@ _NAVIGATION_STATE = {
     FlightMode.MISSION: 3,
     FlightMode.HOLD: 4,
     FlightMode.RETURN: 5,
+    FlightMode.POSITION_SLOW: 6,
+    FlightMode.ALTITUDE_CRUISE: 8,
     FlightMode.ACRO: 10,
     FlightMode.OFFBOARD: 14,
     FlightMode.STABILIZED: 15,
@@ -69,6 +71,7 @@ _NAVIGATION_STATE = {
     FlightMode.FOLLOW: 19,
     FlightMode.PRECISION_LAND: 20,
     FlightMode.ORBIT: 21,
+    FlightMode.VTOL_TAKEOFF: 22,
 }
 _DISARMED = 32794487
 _NOTICES = {

@@ -25,12 +25,13 @@ _BASE_MODE_ARMED = 128
 _BASE_MODE_CUSTOM = 1
 _AUTO = 4
 
-# PX4 px4_custom_mode.h: main mode in bits 16 to 23, sub mode in bits 24 to 31.
+# px4_custom_mode.h of PX4 1.18: main mode in bits 16 to 23, sub mode in bits 24 to 31. 8 and 9 are not flown.
 _MODE_BY_MAIN_SUB: dict[tuple[int, int], FlightMode] = {
     (1, 0): FlightMode.MANUAL,
     (2, 0): FlightMode.ALTITUDE,
     (3, 0): FlightMode.POSITION,
     (3, 1): FlightMode.ORBIT,
+    (3, 2): FlightMode.POSITION_SLOW,
     (_AUTO, 1): FlightMode.READY,
     (_AUTO, 2): FlightMode.TAKEOFF,
     (_AUTO, 3): FlightMode.HOLD,
@@ -39,9 +40,13 @@ _MODE_BY_MAIN_SUB: dict[tuple[int, int], FlightMode] = {
     (_AUTO, 6): FlightMode.LAND,
     (_AUTO, 8): FlightMode.FOLLOW,
     (_AUTO, 9): FlightMode.PRECISION_LAND,
+    (_AUTO, 10): FlightMode.VTOL_TAKEOFF,
+    (_AUTO, 19): FlightMode.GUIDED_COURSE,
     (5, 0): FlightMode.ACRO,
     (6, 0): FlightMode.OFFBOARD,
     (7, 0): FlightMode.STABILIZED,
+    (10, 0): FlightMode.TERMINATION,
+    (11, 0): FlightMode.ALTITUDE_CRUISE,
 }
 _MAIN_SUB_BY_MODE = {mode: main_sub for main_sub, mode in _MODE_BY_MAIN_SUB.items()}
 _EXTERNAL_SUB_MODES = range(11, 19)

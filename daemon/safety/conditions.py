@@ -15,8 +15,18 @@ from daemon.safety.geofence import Geofence, excess_m
 from daemon.values import value
 
 LANDING_MODES = frozenset({FlightMode.LAND, FlightMode.RETURN, FlightMode.PRECISION_LAND})
+# UNKNOWN is one of them: an autopilot newer than our table may have a pilot's mode that it lacks.
 PILOT_MODES = frozenset(
-    {FlightMode.MANUAL, FlightMode.ALTITUDE, FlightMode.POSITION, FlightMode.ACRO, FlightMode.STABILIZED}
+    {
+        FlightMode.MANUAL,
+        FlightMode.ALTITUDE,
+        FlightMode.ALTITUDE_CRUISE,
+        FlightMode.POSITION,
+        FlightMode.POSITION_SLOW,
+        FlightMode.ACRO,
+        FlightMode.STABILIZED,
+        FlightMode.UNKNOWN,
+    }
 )
 
 

@@ -132,7 +132,7 @@ def _mode_fallback(intended: FlightMode, health: Health, offboard_loss: int, man
         wanted = mode = _OFFBOARD_LOSS.get(offboard_loss, FlightMode.POSITION)
         if wanted in MANUAL_MODES and not health.manual_control:
             wanted = _MANUAL_LOSS.get(manual_loss)
-    if mode is FlightMode.POSITION and not sustains(mode, health):
+    if mode in (FlightMode.POSITION, FlightMode.POSITION_SLOW) and not sustains(mode, health):
         wanted = mode = FlightMode.ALTITUDE
     return wanted if sustains(mode, health) else FlightMode.RETURN
 

@@ -11,6 +11,7 @@ from math import copysign, hypot, nan, radians, tan
 from daemon.frames import add, clamp, from_rpy, rotate_about_down, wrap_pi, yaw_of
 from daemon.messages import ZERO3, FlightMode, Setpoint, Vec3
 from daemon.sim.estimator import STEP_S, Estimate, Jump
+from daemon.sim.modes import STICK_VELOCITY_MODES
 from daemon.sim.parameters import Parameters
 from daemon.sim.position_control import PositionControl, Wanted, attitude_rates
 
@@ -82,7 +83,7 @@ class FlightTasks:
     @property
     def lifts(self) -> bool:
         """Whether this mode leaves the ground: Hold and the like do not, a pilot only with the throttle up."""
-        if self._mode in (FlightMode.POSITION, FlightMode.ALTITUDE):
+        if self._mode in STICK_VELOCITY_MODES:
             return self.sticks.throttle > _TAKEOFF_THROTTLE
         return self._mode not in _STAYS_DOWN
 
@@ -102,7 +103,7 @@ class FlightTasks:
         if self._mode is FlightMode.TAKEOFF:
             return self._take_off(estimate)
         tilt = radians(self._parameters["MPC_TILTMAX_AIR"])
-        if self._mode in (FlightMode.POSITION, FlightMode.ALTITUDE):
+        if self._mode in STICK_VELOCITY_MODES:
             return self._control.run(self._stick_velocity(estimate), estimate, tilt)
         if self._mode is FlightMode.UNKNOWN:  # FlightTaskDescend: level, down at the landing speed, heading kept
             sink_m_s = self._parameters["MPC_LAND_SPEED"]
@@ -183,7 +184,7 @@ class FlightTasks:
         self._reference = (rx + vx * STEP_S, ry + vy * STEP_S, rz + vz * STEP_S)
 
     def _stick_velocity(self, estimate: Estimate) -> Wanted:
-        """Position and Altitude mode: sticks are velocities about the heading; centred sticks hold the place."""
+        """Position, Altitude and their kin: sticks are velocities about the heading; centred sticks hold the place."""
         s = self.sticks
         self._yaw = wrap_pi(self._yaw + s.yaw * _STICK_YAW_RATE_RAD_S * STEP_S)
         north, east, _ = rotate_about_down((s.forward * _STICK_SPEED_M_S, s.right * _STICK_SPEED_M_S, 0.0), self._yaw)

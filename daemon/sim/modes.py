@@ -7,6 +7,7 @@ _MODES: dict[FlightMode, tuple[int, int, int, int]] = {
     FlightMode.MANUAL: (1, 0, 65, 0),
     FlightMode.ALTITUDE: (2, 0, 81, 1),
     FlightMode.POSITION: (3, 0, 81, 2),
+    FlightMode.POSITION_SLOW: (3, 2, 81, 6),
     FlightMode.TAKEOFF: (4, 2, 29, 17),
     FlightMode.HOLD: (4, 3, 29, 4),
     FlightMode.MISSION: (4, 4, 29, 3),
@@ -15,17 +16,20 @@ _MODES: dict[FlightMode, tuple[int, int, int, int]] = {
     FlightMode.ACRO: (5, 0, 65, 10),
     FlightMode.OFFBOARD: (6, 0, 1, 14),
     FlightMode.STABILIZED: (7, 0, 81, 15),
+    FlightMode.ALTITUDE_CRUISE: (11, 0, 81, 8),
 }
 _BY_NUMBERS = {numbers[:2]: mode for mode, numbers in _MODES.items()}
 ARMED_BIT = 128
 ALL_MODES = tuple(_MODES)
 
-MANUAL_MODES = frozenset(
-    (FlightMode.MANUAL, FlightMode.ALTITUDE, FlightMode.POSITION, FlightMode.ACRO, FlightMode.STABILIZED)
+STICK_VELOCITY_MODES = frozenset(
+    (FlightMode.ALTITUDE, FlightMode.ALTITUDE_CRUISE, FlightMode.POSITION, FlightMode.POSITION_SLOW)
 )
+MANUAL_MODES = STICK_VELOCITY_MODES | {FlightMode.MANUAL, FlightMode.ACRO, FlightMode.STABILIZED}
 NEEDS_POSITION = frozenset(
     (
         FlightMode.POSITION,
+        FlightMode.POSITION_SLOW,
         FlightMode.TAKEOFF,
         FlightMode.HOLD,
         FlightMode.MISSION,
@@ -53,5 +57,8 @@ def navigation_bit(mode: FlightMode) -> int:
 
 
 def from_numbers(main: int, sub: int) -> FlightMode | None:
-    """The mode of DO_SET_MODE's param2 and param3; None where PX4 (or this simulation) has no such mode."""
-    return _BY_NUMBERS.get((main, sub if main == 4 else 0))
+    """The mode of DO_SET_MODE's param2 and param3; None where PX4 (or this simulation) has no such mode.
+
+    A sub mode that does not exist is refused in Auto only.
+    """
+    return _BY_NUMBERS.get((main, sub), None if main == 4 else _BY_NUMBERS.get((main, 0)))

@@ -143,7 +143,8 @@ def _link() -> list[Case]:
 
 
 def _pilot() -> list[Case]:
-    modes = ("position", "altitude", "stabilized", "acro", "manual", "hold", "return", "land", "mission")
+    manual = ("position", "position_slow", "altitude", "altitude_cruise", "stabilized", "acro", "manual")
+    modes = (*manual, "hold", "return", "land", "mission")
     switched = [
         Case(
             name=f"pilot switches to {name}",

@@ -26,10 +26,19 @@ RECORDED_MODES = {
     0x00060000: FlightMode.OFFBOARD,
     0x00030000: FlightMode.POSITION,
 }
+# Not recorded: px4_custom_mode.h.
+DOCUMENTED_MODES = {
+    0x01030000: FlightMode.ORBIT,
+    0x02030000: FlightMode.POSITION_SLOW,
+    0x0A040000: FlightMode.VTOL_TAKEOFF,
+    0x13040000: FlightMode.GUIDED_COURSE,
+    0x000A0000: FlightMode.TERMINATION,
+    0x000B0000: FlightMode.ALTITUDE_CRUISE,
+}
 
 
-@pytest.mark.parametrize(("custom_mode", "mode"), RECORDED_MODES.items())
-def test_recorded_custom_modes_are_named(custom_mode: int, mode: FlightMode) -> None:
+@pytest.mark.parametrize(("custom_mode", "mode"), (RECORDED_MODES | DOCUMENTED_MODES).items())
+def test_custom_modes_are_named(custom_mode: int, mode: FlightMode) -> None:
     assert mode_from_custom(custom_mode) is mode
     assert custom_from_mode(mode) == custom_mode
 

@@ -27,11 +27,12 @@ def test_a_hold_that_comes_long_after_it_was_asked_for_is_somebody_elses() -> No
         assert rig.tick(5) is state
 
 
+@pytest.mark.parametrize("mode", [FlightMode.POSITION, FlightMode.POSITION_SLOW, FlightMode.UNKNOWN])
 @pytest.mark.parametrize("kind", [RequestKind.HOLD, RequestKind.LAND, RequestKind.RETURN])
-def test_a_request_that_meets_a_pilots_mode_in_its_tick_commands_nothing(kind: RequestKind) -> None:
+def test_a_request_that_meets_a_pilots_mode_in_its_tick_commands_nothing(kind: RequestKind, mode: FlightMode) -> None:
     rig = Rig().status(IN_HOLD)
     rig.tick()
-    rig.status(IN_HOLD, mode=FlightMode.POSITION, intended_mode=FlightMode.POSITION)
+    rig.status(IN_HOLD, mode=mode, intended_mode=mode)
     rig.ask(kind)
     assert rig.tick(5) is State.PILOT
     assert rig.asked == []

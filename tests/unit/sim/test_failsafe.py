@@ -44,6 +44,13 @@ def test_losing_offboard_falls_through(parameter, health, mode, descend):
     assert not action.delayed
 
 
+@pytest.mark.parametrize("mode", [POSITION, FlightMode.POSITION_SLOW])
+def test_a_pilot_who_has_no_position_any_more_flies_altitude(mode):
+    """Failsafe::checkModeFallback."""
+    blind = Health(manual_control=True, position=False)
+    assert decide(mode, blind, **PX4_DEFAULTS).mode is FlightMode.ALTITUDE
+
+
 def test_hold_without_a_position_descends():
     action = decide(HOLD, Health(position=False), **PX4_DEFAULTS)
     assert (action.mode, action.descend) == (LAND, True)

@@ -274,6 +274,17 @@ def test_without_a_position_and_without_setpoints_it_shows_altitude_descends_and
     assert not px4.armed
 
 
+@pytest.mark.parametrize(
+    ("main", "sub", "word"),
+    [(3.0, 2.0, 0x02030000), (11.0, 0.0, 0x000B0000), (3.0, 9.0, 0x00030000), (4.0, 9.0, 0x03040000)],
+)
+def test_a_mode_that_is_asked_for_shows_by_its_word(main, sub, word):
+    """Commander::handle_command: a sub mode that does not exist makes Position, and is refused in Auto."""
+    px4 = vehicle()
+    command(px4, 176, 1.0, main, sub)
+    assert named(fly(px4, 1.1), "HEARTBEAT")[-1]["custom_mode"] == word
+
+
 @pytest.mark.parametrize("airframe", airframe_files.names())
 def test_every_airframe_hovers_with_noise(airframe):
     px4 = vehicle(10.0, airframe=airframe_files.load(airframe), noise=True, seed=2)

@@ -1,0 +1,82 @@
+"""Whoever flies in a mode keeps the vehicle: also in modes that came to PX4 later, and in those that nobody knows."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+
+import pytest
+from support.flight import Flight, fly
+
+from daemon.loops.commander import Commander, NotPossibleError
+from daemon.messages import FlightMode
+from daemon.safety.supervisor import State
+from daemon.sim.faults import PilotTakesOver
+
+POSITION = 3 << 16
+POSITION_SLOW, ALTITUDE_CRUISE, RATTITUDE = 3 << 16 | 2 << 24, 11 << 16, 8 << 16  # px4_custom_mode.h
+NOBODY_KNOWS = 42 << 16
+
+
+def show(flight: Flight, shown: int, instead_of: int | None = None) -> None:
+    """From now on the autopilot's messages have this ``custom_mode``, everywhere or where it was another."""
+    take = flight.px4.take_outgoing
+
+    def taken() -> list[tuple[str, dict[str, object]]]:
+        return [
+            (
+                name,
+                {
+                    key: shown if key.endswith("custom_mode") and instead_of in (None, value) else value
+                    for key, value in fields.items()
+                },
+            )
+            for name, fields in take()
+        ]
+
+    flight.px4.take_outgoing = taken  # type: ignore[method-assign]
+
+
+@pytest.mark.parametrize("request_of", [Commander.hold, Commander.land, Commander.return_home])
+@pytest.mark.parametrize("word", [POSITION, POSITION_SLOW, ALTITUDE_CRUISE, RATTITUDE, NOBODY_KNOWS])
+def test_no_request_takes_the_vehicle_from_whoever_flies_it(
+    word: int, request_of: Callable[[Commander], Awaitable[None]]
+) -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne()
+        show(flight, word, instead_of=POSITION)
+        flight.px4.inject(PilotTakesOver(mode="position"))
+        await flight.until(lambda: flight.state is State.PILOT)
+        asked = len(flight.asked)
+        with pytest.raises(NotPossibleError, match="a pilot flies in mode"):
+            await request_of(flight.vehicle.commander)
+        await asyncio.sleep(1.0)
+        assert (flight.px4.mode, flight.state, flight.asked[asked:]) == (FlightMode.POSITION, State.PILOT, [])
+
+    fly(scenario)
+
+
+def test_what_a_pilot_gives_back_in_hold_is_taken_when_asked_for() -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne()
+        flight.px4.inject(PilotTakesOver(mode="position_slow"))
+        await flight.until(lambda: flight.state is State.PILOT)
+        assert flight.autopilot.status.value.mode is FlightMode.POSITION_SLOW
+        flight.px4.inject(PilotTakesOver(mode="hold"))
+        await flight.until(lambda: flight.autopilot.status.value.mode is FlightMode.HOLD)
+        await flight.vehicle.commander.engage()
+        assert flight.state is State.HOLDING
+
+    fly(scenario)
+
+
+def test_an_unknown_mode_on_the_ground_is_nobodys_and_the_take_off_goes_through_hold() -> None:
+    async def scenario(flight: Flight) -> None:
+        show(flight, NOBODY_KNOWS)
+        await flight.until(lambda: flight.state is State.STANDBY and flight.records[-1].estimate.newest is not None)
+        assert flight.autopilot.status.value.mode is FlightMode.UNKNOWN
+        takeoff = asyncio.ensure_future(flight.vehicle.commander.takeoff(5.0))
+        await flight.until(lambda: FlightMode.HOLD in [mode for _, mode in flight.asked])
+        del flight.px4.take_outgoing  # type: ignore[attr-defined]
+        await takeoff
+        assert flight.state is State.READY
+
+    fly(scenario)
