@@ -64,7 +64,7 @@ def fusion_parameters(config: Config) -> FusionParameters | None:
 
 def control_parameters(config: Config, hover_thrust: float | None) -> ControlParameters:
     """Parameters of the control law: keys of the same name as they are, degrees converted."""
-    values: dict[str, Any] = config.control.model_dump()
+    values: dict[str, Any] = config.control.model_dump(exclude={"velocity_yaw"})  # which is guidance's
     for name in ("tilt_max", "rate_max", "yaw_rate_max", "rate_slew_max"):
         unit = "_rad_s2" if name == "rate_slew_max" else "_rad" if name == "tilt_max" else "_rad_s"
         degrees_key = name + unit.replace("rad", "deg")
@@ -113,4 +113,5 @@ def guidance_parameters(config: Config) -> GuidanceParameters:
         zeta=config.guidance.damping,
         omega_yaw_rad_s=config.guidance.natural_frequency_rad_s,
         deviation_max_m=config.guidance.deviation_max_m,
+        velocity_yaw=config.control.velocity_yaw,
     )

@@ -136,9 +136,7 @@ def shifted(state: ControlState, reset: Reset) -> ControlState:
     """
     if not sound_reset(reset):
         return replace(state, model=vehicle_model.restarted(state.model))
-    heading_rad = state.memory.heading_rad
-    memory = state.memory if heading_rad is None else replace(state.memory, heading_rad=heading_rad + reset.yaw_rad)
-    return replace(state, model=vehicle_model.shifted(state.model, reset), memory=memory)
+    return replace(state, model=vehicle_model.shifted(state.model, reset))
 
 
 def _unbiased(predicted: EstimatedState, seen_s: float, model: VehicleModel) -> EstimatedState:

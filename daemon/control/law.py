@@ -2,7 +2,7 @@
 
 from math import exp
 
-from daemon.control import attitude_laws, flatness, limits, position_law, thrust_map, velocity_yaw
+from daemon.control import attitude_laws, flatness, limits, position_law, thrust_map
 from daemon.control.drag import total
 from daemon.control.parameters import AttitudeLaw, ControlParameters
 from daemon.control.vehicle_model import VehicleModel
@@ -39,10 +39,9 @@ class ControlRecord:
 
 @value
 class Memory:
-    """What the law remembers: the lead filter's state, and the heading while it flies along the velocity."""
+    """What the law remembers: the lead filter's state."""
 
     slow_feed_forward_rad_s: Vec3 | None = None
-    heading_rad: float | None = None
 
 
 NOTHING = Memory()
@@ -72,7 +71,7 @@ def fly(
     position_error = subtract(predicted.position_ned_m, reference.position_ned_m)
     velocity_error = subtract(predicted.velocity_ned_m_s, reference.velocity_ned_m_s)
     feedback = ZERO3 if p.feedthrough else _feedback(position_error, velocity_error, p)
-    yaw_rad, yaw_rate_rad_s, heading_rad = _heading(memory, reference, p)
+    yaw_rad, yaw_rate_rad_s = reference.yaw_rad, reference.yaw_rate_rad_s
     thrust, derivative = _thrust_vector(predicted, reference, feedback, model, yaw_rad, p)
     thrust, cut = limits.thrust_vector(
         thrust,
@@ -106,7 +105,7 @@ def fly(
         feed_forward_frd_rad_s=feed_forward,
     )
     command = _thrust_command(model, thrust, derivative, attitude_wb, p)
-    return Flow(Setpoint(rates, command), Memory(slow, heading_rad), record)
+    return Flow(Setpoint(rates, command), Memory(slow), record)
 
 
 def _feedback(position_error_ned_m: Vec3, velocity_error_ned_m_s: Vec3, p: ControlParameters) -> Vec3:
@@ -118,17 +117,6 @@ def _feedback(position_error_ned_m: Vec3, velocity_error_ned_m_s: Vec3, p: Contr
         approach_max_m_s=p.approach_max_m_s,
         feedback_max_m_s2=p.feedback_max_m_s2,
     )
-
-
-def _heading(memory: Memory, reference: Reference, p: ControlParameters) -> tuple[float, float, float | None]:
-    """Wanted yaw and yaw rate, and the heading to remember."""
-    if not p.velocity_yaw:
-        return reference.yaw_rad, reference.yaw_rate_rad_s, None
-    before = reference.yaw_rad if memory.heading_rad is None else memory.heading_rad
-    yaw_rad, rate = velocity_yaw.heading(
-        reference.velocity_ned_m_s, reference.acceleration_ned_m_s2, before, minimum_m_s=p.velocity_yaw_min_m_s
-    )
-    return yaw_rad, rate, yaw_rad
 
 
 def _thrust_vector(

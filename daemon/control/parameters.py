@@ -47,8 +47,6 @@ class ControlParameters:
     feedback_max_m_s2: float = 9.0  # norm of the feedback acceleration
     approach_max_m_s: float = 3.0  # speed at which a far reference is approached; inf: never saturates
     feedthrough: bool = False  # fly the reference's acceleration, without feedback
-    velocity_yaw: bool = False  # head along the reference's velocity
-    velocity_yaw_min_m_s: float = 0.5  # dead-band of it
 
     # Attitude law
     attitude_law: AttitudeLaw = AttitudeLaw.QUATERNION

@@ -13,7 +13,7 @@ from daemon.messages import WINDOW_SPACING_S, Reference, Vec3
 DEAD_BAND_M_S = 0.5  # horizontal speed below which the direction of flight says nothing
 DEAD_BAND_M = 0.5  # distance below which the direction to a point says nothing
 
-_LAST_STEPS = 300  # 3 s: a path that ends slower than the dead-band for longer keeps the start's heading
+_LOOK_BACK = 0.03  # of the time before a path's end: how finely its last wish is looked for
 _REST = 1e-7  # rad and rad/s below which a heading has arrived
 
 HeadingWish = Callable[[Reference], float | None]  # heading wanted at a reference, None: keep the last one
@@ -93,7 +93,7 @@ class HeadedPlan(Plan):
         self._nodes: list[tuple[float, float, float]] = []  # heading, rate, acceleration from there on
         self._resting = False
         self._start_yaw_rad = start.yaw_rad
-        self._target: Reference | None = None
+        self._foreseen_yaw_rad: float | None = None
 
     @property
     def end_s(self) -> float:
@@ -102,17 +102,13 @@ class HeadedPlan(Plan):
 
     @property
     def target(self) -> Reference:
-        """End of the path, with the heading that was wanted last, looked for in the path's last seconds."""
-        if self._target is None:
-            last = floor((self.end_s - self.start_s) / WINDOW_SPACING_S) + 1
-            wanted = None
-            for index in range(last, max(-1, last - _LAST_STEPS), -1):
-                wanted = self._wish(self._path.sample(self.start_s + index * WINDOW_SPACING_S))
-                if wanted is not None:
-                    break
-            yaw_rad = self._start_yaw_rad if wanted is None else wanted
-            self._target = replace(self._path.target, yaw_rad=wrap_pi(yaw_rad))
-        return self._target
+        """End of the path, with the heading that is wanted last: foreseen, and known once the end has been stepped."""
+        yaw_rad = self._wanted
+        if self.start_s + len(self._nodes) * WINDOW_SPACING_S <= self.end_s:
+            if self._foreseen_yaw_rad is None:
+                self._foreseen_yaw_rad = self._last_wish()
+            yaw_rad = self._foreseen_yaw_rad
+        return replace(self._path.target, yaw_rad=wrap_pi(yaw_rad))
 
     def sample(self, time_s: float) -> Reference:
         """The path's reference with this heading."""
@@ -133,6 +129,16 @@ class HeadedPlan(Plan):
     def path(self) -> Plan:
         """The path, whose heading is not this plan's."""
         return self._path.path
+
+    def _last_wish(self) -> float:
+        """The last wish of the path, looked for from its end backwards, ever more coarsely; the start's heading."""
+        path, back_s, whole_s = self._path.path, 0.0, self.end_s - self.start_s
+        while back_s < whole_s + WINDOW_SPACING_S:
+            wanted = self._wish(path.sample(self.end_s - min(back_s, whole_s)))
+            if wanted is not None:
+                return wanted
+            back_s += max(WINDOW_SPACING_S, _LOOK_BACK * back_s)
+        return self._start_yaw_rad
 
     def _step(self) -> None:
         """Append the next node; the last one, at rest in the wished heading, is good for ever."""

@@ -26,3 +26,4 @@ class GuidanceParameters:
         5.0  # of the filters that follow a stream, heading too: they lag its jerk by jerk / omega^3
     )
     deviation_max_m: float = 4.0
+    velocity_yaw: bool = False  # head along the velocity, whatever heading a goal gives

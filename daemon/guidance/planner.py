@@ -1,5 +1,7 @@
 """The way in: from a flown reference and a goal to a plan."""
 
+from dataclasses import replace
+
 from daemon.frames import yaw_of
 from daemon.guidance.brake import brake
 from daemon.guidance.filter_plan import FilterPlan
@@ -12,7 +14,7 @@ from daemon.guidance.goals import (
     Through,
     WaypointGoal,
 )
-from daemon.guidance.heading import HeadedPlan, wish_of
+from daemon.guidance.heading import HeadedPlan, VelocityHeading, along_velocity, wish_of
 from daemon.guidance.jerk_limited import to_goal
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters, Profile
@@ -20,6 +22,7 @@ from daemon.guidance.path import fly_by_path, legs_to, rest_after, stop_path, wa
 from daemon.guidance.plan import HoldPlan, Plan, SequencePlan
 from daemon.guidance.polynomial import PolynomialPlan
 from daemon.guidance.shapes import ShapePlan, entry_phase
+from daemon.guidance.waypoint_modes import WaypointMode
 from daemon.messages import Reference
 
 
@@ -28,12 +31,12 @@ def plan(start: Reference, goal: Goal, limits: MotionLimits, parameters: Guidanc
 
     The goal is expected to have passed ``reachability``. A stream brakes until its first reference comes.
     """
+    if parameters.velocity_yaw:
+        goal = _without_heading(goal)
     if isinstance(goal, WaypointGoal):
         return _waypoint(start, goal, limits, parameters)
     if isinstance(goal, PathGoal):
-        if goal.through is Through.FLY_BY:
-            return fly_by_path(start, goal.waypoints, limits, parameters.omega_yaw_rad_s)
-        return stop_path(start, goal.waypoints, limits)
+        return _path(start, goal, limits, parameters)
     if isinstance(goal, ShapeGoal):
         return _shape(start, goal, limits, parameters)
     if isinstance(goal, PolynomialGoal):
@@ -44,14 +47,41 @@ def plan(start: Reference, goal: Goal, limits: MotionLimits, parameters: Guidanc
     return stopped
 
 
+def _without_heading(goal: Goal) -> Goal:
+    """The goal without a heading of its own; a goal that is a mere turn keeps it."""
+    if isinstance(goal, WaypointGoal):
+        return goal if goal.mode is WaypointMode.ONLY_ORIENTATION else replace(goal, attitude_wb=None)
+    if isinstance(goal, PathGoal):
+        return replace(goal, waypoints=tuple(replace(waypoint, attitude_wb=None) for waypoint in goal.waypoints))
+    if isinstance(goal, ShapeGoal | PolynomialGoal):
+        return replace(goal, heading=VelocityHeading())
+    return goal
+
+
 def _waypoint(start: Reference, goal: WaypointGoal, limits: MotionLimits, parameters: GuidanceParameters) -> Plan:
     pose = waypoint_pose(start, goal, limits)
     yaw = yaw_of(pose.attitude_wb)
+    found: Plan | None = None
     if parameters.profile is Profile.JERK_LIMITED:
         found = to_goal(start, pose.position_ned_m, yaw, limits)
-        if found is not None:
-            return found
-    return FilterPlan(start, pose.position_ned_m, yaw, limits, parameters)
+    if found is None:
+        found = FilterPlan(start, pose.position_ned_m, yaw, limits, parameters)
+    return found if goal.mode is WaypointMode.ONLY_ORIENTATION else _headed(found, start, limits, parameters)
+
+
+def _path(start: Reference, goal: PathGoal, limits: MotionLimits, parameters: GuidanceParameters) -> Plan:
+    if goal.through is Through.FLY_BY:
+        found = fly_by_path(start, goal.waypoints, limits, parameters.omega_yaw_rad_s)
+    else:
+        found = stop_path(start, goal.waypoints, limits)
+    return _headed(found, start, limits, parameters)
+
+
+def _headed(found: Plan, start: Reference, limits: MotionLimits, parameters: GuidanceParameters) -> Plan:
+    """The plan as it is, or with its heading along the velocity where that is asked for."""
+    if not parameters.velocity_yaw:
+        return found
+    return HeadedPlan(found, start, along_velocity, limits, parameters.omega_yaw_rad_s)
 
 
 def _shape(start: Reference, goal: ShapeGoal, limits: MotionLimits, parameters: GuidanceParameters) -> Plan:

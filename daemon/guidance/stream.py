@@ -10,7 +10,7 @@ from math import ceil, floor
 from daemon.frames import add, clamp, clip_norm, is_finite, scale, subtract, wrap_pi
 from daemon.guidance.brake import brake
 from daemon.guidance.filter_plan import Node, advance, cascades, reference_after
-from daemon.guidance.heading import HeadedPlan
+from daemon.guidance.heading import HeadedPlan, along_velocity
 from daemon.guidance.limits import MotionLimits, motion_excess
 from daemon.guidance.parameters import GuidanceParameters
 from daemon.guidance.plan import Plan, SequencePlan
@@ -79,7 +79,8 @@ def follow(
         since_s = min(reference.time_s, out_s) - sample.stamp_s
         return wrap_pi(sample.yaw_rad + (sample.yaw_rate_rad_s or 0.0) * since_s)
 
-    return HeadedPlan(path, start, wish, limits, parameters.omega_stream_rad_s)
+    heading = along_velocity if parameters.velocity_yaw else wish
+    return HeadedPlan(path, start, heading, limits, parameters.omega_stream_rad_s)
 
 
 class FollowPlan(Plan):

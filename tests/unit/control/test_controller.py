@@ -50,17 +50,6 @@ def test_level_turns_back_by_the_shortest_way_and_then_rests() -> None:
     assert setpoint.rates_frd_rad_s == pytest.approx(ZERO3, abs=1e-5)
 
 
-def test_velocity_yaw_turns_the_nose_along_the_reference_and_holds_it_at_rest() -> None:
-    p = replace(P, velocity_yaw=True)
-    state, t = controller.initial(p), 1.0
-    moving = Reference(t, HERE, (0.0, 2.0, 0.0))
-    state, _, record = controller.step(state, at(t), at(t), moving, DT, parameters=p)
-    assert frames.yaw_of(record.desired_wb) == pytest.approx(radians(90.0))
-    t += DT
-    _, _, record = controller.step(state, at(t), at(t), Reference(t, HERE), DT, parameters=p)
-    assert frames.yaw_of(record.desired_wb) == pytest.approx(radians(90.0))
-
-
 def test_feedthrough_flies_the_acceleration_of_the_reference_alone() -> None:
     p = replace(P, feedthrough=True, disturbance_bandwidth_rad_s=0.0)
     t = 1.0

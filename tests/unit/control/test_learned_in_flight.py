@@ -1,7 +1,7 @@
 """What the controller learns and remembers in flight, and what resets and pauses do to it."""
 
 from dataclasses import replace
-from math import atan2, cos, nan, radians, sin
+from math import atan2, cos, nan, sin
 
 import pytest
 from support.controller_rig import DT, HERE, P, at, flown
@@ -100,16 +100,6 @@ def test_a_state_that_is_predicted_for_a_moment_before_its_own_is_not_moved_back
     before = at(t - 0.3, velocity=(0.3, -0.2, 0.1))
     _, _, record = controller.step(state, now, before, Reference(t, HERE), DT, parameters=P)
     assert record.position_error_ned_m == pytest.approx(ZERO3, abs=1e-12)
-
-
-def test_the_heading_that_is_remembered_turns_with_a_reset() -> None:
-    p = replace(P, velocity_yaw=True)
-    t, turn = 1.0, 0.4
-    moving = Reference(t, HERE, (0.0, 2.0, 0.0))
-    state, _, _ = controller.step(controller.initial(p), at(t), at(t), moving, DT, parameters=p)
-    state = controller.shifted(state, Reset(t, frozenset({"heading"}), yaw_rad=turn))
-    _, _, record = controller.step(state, at(t + DT), at(t + DT), Reference(t + DT, HERE), DT, parameters=p)
-    assert frames.yaw_of(record.desired_wb) == pytest.approx(radians(90.0) + turn)
 
 
 @pytest.mark.parametrize("bad", [False, True])

@@ -6,6 +6,7 @@ import pytest
 import yaml
 
 from daemon.control.parameters import AttitudeLaw, ControlParameters, HeadingAxis, from_airframe, mavros_controllers
+from daemon.guidance.parameters import GuidanceParameters
 
 CONFIGURATION = Path(__file__).parents[3] / "config" / "default.yaml"
 
@@ -104,8 +105,9 @@ def test_number_beyond_the_edge_is_refused_by_its_own_name(name: str, bad: objec
 
 
 def test_defaults_are_those_of_the_default_configuration() -> None:
-    """Angles are degrees there, rounded."""
+    """Angles are degrees there, rounded; ``velocity_yaw`` is flown by guidance."""
     written = yaml.safe_load(CONFIGURATION.read_text())["control"]
+    assert written.pop("velocity_yaw") is GuidanceParameters().velocity_yaw
     default = ControlParameters()
     compared = 0
     for key, value in written.items():
@@ -131,7 +133,7 @@ def test_a_small_quadrotor_hovers_at_half_thrust_until_it_is_known_better() -> N
     assert p.gravity_m_s2 == 9.80665, "standard gravity"
     assert (p.hover_time_constant_s, p.hover_range, p.hover_tilt_max_rad) == (3.0, 0.5, radians(15.0))
     assert p.linear_thrust is None and not p.original_gain and p.heading_axis is HeadingAxis.NOSE
-    assert (p.velocity_yaw_min_m_s, p.heading_error_max_rad, p.vertical_thrust_min_m_s2) == (0.5, 0.5, 3.0)
+    assert (p.heading_error_max_rad, p.vertical_thrust_min_m_s2) == (0.5, 3.0)
 
 
 def test_the_original_flies_its_published_numbers() -> None:

@@ -56,7 +56,7 @@ mad_resets = st.builds(
 variants = st.sampled_from(
     [
         P,
-        replace(P, attitude_law=AttitudeLaw.GEOMETRIC, velocity_yaw=True, thrust_curve=0.7),
+        replace(P, attitude_law=AttitudeLaw.GEOMETRIC, thrust_curve=0.7),
         replace(P, attitude_law=AttitudeLaw.JERK, feedthrough=True, drag_1_s=(0.3, 0.2, 0.1)),
         replace(mavros_controllers(), thrust_max=0.9),
         replace(P, rate_lag_s=ZERO3, thrust_lag_s=0.0, hover_thrust=0.95, hover_range=0.9),
