@@ -5,6 +5,7 @@ from math import exp
 from daemon.control import attitude_laws, flatness, limits, position_law, thrust_map
 from daemon.control.drag import total
 from daemon.control.parameters import AttitudeLaw, ControlParameters
+from daemon.control.reference_drag import reference_drag
 from daemon.control.vehicle_model import VehicleModel
 from daemon.frames import add, conjugate, dot, down_axis, multiply, rotate, subtract
 from daemon.messages import IDENTITY, ZERO3, EstimatedState, Quat, Reference, Setpoint, Vec3
@@ -71,8 +72,7 @@ def fly(
     position_error = subtract(predicted.position_ned_m, reference.position_ned_m)
     velocity_error = subtract(predicted.velocity_ned_m_s, reference.velocity_ned_m_s)
     feedback = ZERO3 if p.feedthrough else _feedback(position_error, velocity_error, p)
-    yaw_rad, yaw_rate_rad_s = reference.yaw_rad, reference.yaw_rate_rad_s
-    thrust, derivative = _thrust_vector(predicted, reference, feedback, model, yaw_rad, p)
+    thrust, derivative = _thrust_vector(predicted.attitude_wb, reference, feedback, model, p)
     thrust, cut = limits.thrust_vector(
         thrust,
         tilt_max_rad=p.tilt_max_rad,
@@ -80,10 +80,11 @@ def fly(
         vertical_min_m_s2=p.vertical_thrust_min_m_s2,
     )
     attitude_wb = predicted.attitude_wb
+    yaw_rad = reference.yaw_rad
     desired_wb = flatness.attitude_from_thrust(thrust, yaw_rad, attitude_wb, p.heading_axis)
     feed_forward, slow = ZERO3, None
     if p.rate_feed_forward:
-        wanted = flatness.body_rates(desired_wb, thrust, derivative, yaw_rad, yaw_rate_rad_s)
+        wanted = flatness.body_rates(desired_wb, thrust, derivative, yaw_rad, reference.yaw_rate_rad_s)
         lead, slow = _lead(memory, wanted, dt_s, p)
         feed_forward = rotate(multiply(conjugate(attitude_wb), desired_wb), lead)
     rates = add(_attitude_rates(attitude_wb, desired_wb, thrust, p), feed_forward)
@@ -120,21 +121,15 @@ def _feedback(position_error_ned_m: Vec3, velocity_error_ned_m_s: Vec3, p: Contr
 
 
 def _thrust_vector(
-    predicted: EstimatedState,
-    reference: Reference,
-    feedback: Vec3,
-    model: VehicleModel,
-    yaw_rad: float,
-    p: ControlParameters,
+    attitude_wb: Quat, reference: Reference, feedback: Vec3, model: VehicleModel, p: ControlParameters
 ) -> tuple[Vec3, Vec3]:
     """Wanted thrust acceleration and its derivative by the reference (NED), before limits."""
     gravity = (0.0, 0.0, p.gravity_m_s2)
     bare = subtract(reference.acceleration_ned_m_s2, gravity)
-    flat_wb, drag_1_s = predicted.attitude_wb, total(model.drag, p.drag_1_s)
-    if not flatness.is_isotropic(drag_1_s):
-        flat_wb = flatness.attitude_from_thrust(bare, yaw_rad, flat_wb, p.heading_axis)
-    drag = flatness.rotor_drag(flat_wb, reference.velocity_ned_m_s, drag_1_s)
-    drag_derivative = flatness.rotor_drag(flat_wb, reference.acceleration_ned_m_s2, drag_1_s)
+    drag_1_s = total(model.drag, p.drag_1_s)
+    drag, drag_derivative = reference_drag(
+        reference, bare, attitude_wb, drag_1_s, p.heading_axis, original=p.original_drag
+    )
     wanted = subtract(add(bare, feedback), add(drag, model.disturbance_ned_m_s2))
     return wanted, subtract(reference.jerk_ned_m_s3, drag_derivative)
 

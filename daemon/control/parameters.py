@@ -52,6 +52,7 @@ class ControlParameters:
     attitude_law: AttitudeLaw = AttitudeLaw.QUATERNION
     attitude_time_constant_s: Vec3 = (0.15, 0.15, 0.7)  # roll, pitch, yaw; shared by the three laws
     original_gain: bool = False  # the geometric law at twice the gain, as in mavros_controllers
+    original_drag: bool = False  # drag at the attitude that flies without it, as in mavros_controllers
     heading_axis: HeadingAxis = HeadingAxis.NOSE
     heading_error_max_rad: float = 0.5  # yaw error that the law sees at most; pi: all of it
     rate_feed_forward: bool = True  # body rates from the reference's jerk and yaw rate
@@ -146,6 +147,7 @@ def mavros_controllers() -> ControlParameters:
         approach_max_m_s=inf,
         attitude_time_constant_s=(0.1, 0.1, 0.1),
         original_gain=True,
+        original_drag=True,
         heading_axis=HeadingAxis.LATERAL,
         heading_error_max_rad=pi,
         rate_feed_forward=False,

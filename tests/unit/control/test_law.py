@@ -98,8 +98,8 @@ def test_the_tilt_guard_knows_the_lag_of_roll_and_pitch() -> None:
 
 
 def test_thrust_is_what_gravity_drag_and_disturbance_leave_to_do() -> None:
-    """a_ref - g - Kp e - Kv e_v + R D R' v - disturbance, worked out by hand for a level vehicle."""
-    p = replace(P, drag_1_s=(0.3, 0.2, 0.1), position_gain_1_s2=(5.0, 4.0, 3.0), velocity_gain_1_s=(2.0, 1.5, 1.0))
+    """a_ref - g - Kp e - Kv e_v + R D R' v - disturbance, worked out by hand."""
+    p = replace(P, drag_1_s=(0.2, 0.2, 0.2), position_gain_1_s2=(5.0, 4.0, 3.0), velocity_gain_1_s=(2.0, 1.5, 1.0))
     model = replace(MODEL, by_velocity=replace(MODEL.by_velocity, unexplained=(0.5, -0.4, 0.3)))
     reference = Reference(0.0, (1.0, 2.0, -3.0), (2.0, -1.0, 0.5))
     flow = fly(p, reference, position=(1.1, 1.8, -3.3), velocity=(2.1, -1.2, 0.2), model=model)
@@ -108,9 +108,9 @@ def test_thrust_is_what_gravity_drag_and_disturbance_leave_to_do() -> None:
     feedback = (-0.5 - 0.2, 0.8 + 0.3, 0.9 + 0.3)
     assert flow.record.feedback_ned_m_s2 == pytest.approx(feedback)
     expected = (
-        feedback[0] + 0.6 - 0.5,
+        feedback[0] + 0.4 - 0.5,
         feedback[1] - 0.2 + 0.4,
-        feedback[2] + 0.05 - 0.3 - p.gravity_m_s2,
+        feedback[2] + 0.1 - 0.3 - p.gravity_m_s2,
     )
     assert flow.record.thrust_ned_m_s2 == pytest.approx(expected)
 

@@ -132,7 +132,7 @@ def test_a_small_quadrotor_hovers_at_half_thrust_until_it_is_known_better() -> N
     assert p.hover_thrust == 0.5, "MPC_THR_HOVER"
     assert p.gravity_m_s2 == 9.80665, "standard gravity"
     assert (p.hover_time_constant_s, p.hover_range, p.hover_tilt_max_rad) == (3.0, 0.5, radians(15.0))
-    assert p.linear_thrust is None and not p.original_gain and p.heading_axis is HeadingAxis.NOSE
+    assert p.linear_thrust is None and not (p.original_gain or p.original_drag) and p.heading_axis is HeadingAxis.NOSE
     assert (p.heading_error_max_rad, p.vertical_thrust_min_m_s2) == (0.5, 3.0)
 
 
@@ -141,7 +141,7 @@ def test_the_original_flies_its_published_numbers() -> None:
     p = mavros_controllers()
     assert (p.position_gain_1_s2, p.velocity_gain_1_s) == ((8.0, 8.0, 10.0), (1.5, 1.5, 3.3))
     assert (p.attitude_time_constant_s, p.linear_thrust) == ((0.1, 0.1, 0.1), (0.05, 0.1))
-    assert p.original_gain and p.heading_axis is HeadingAxis.LATERAL
+    assert p.original_gain and p.original_drag and p.heading_axis is HeadingAxis.LATERAL
     assert not (p.rate_feed_forward or p.lag_compensation)
     assert (p.velocity_bias_bandwidth_rad_s, p.disturbance_bandwidth_rad_s) == (0.0, 0.0)
     assert (p.hover_time_constant_s, p.approach_max_m_s, p.heading_error_max_rad) == (inf, inf, pi)
