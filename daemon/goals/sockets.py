@@ -20,6 +20,7 @@ MODE = 0o660
 BACKLOG = 1024
 SD_LISTEN_FDS_START = 3
 SO_PEERGROUPS = 59
+GROUPS_BYTES = 1024  # Python's getsockopt takes no more
 LOCK_TRIES = 20
 LOCK_PAUSE_S = 0.05
 
@@ -203,8 +204,8 @@ def peer_of(sock: socket.socket) -> Peer:
     pid, uid, gid = struct.unpack("3i", sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12))
     groups = {gid}
     try:
-        raw = sock.getsockopt(socket.SOL_SOCKET, SO_PEERGROUPS, 4096)
+        raw = sock.getsockopt(socket.SOL_SOCKET, SO_PEERGROUPS, GROUPS_BYTES)
         groups.update(group for (group,) in struct.iter_unpack("I", raw[: len(raw) // 4 * 4]))
     except OSError:
-        groups = {gid}  # a kernel before 4.13, or more than a thousand groups: the first group alone counts
+        groups = {gid}  # a kernel before 4.13, or more than 256 groups: the first group alone counts
     return Peer(pid, uid, frozenset(groups))

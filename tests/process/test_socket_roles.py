@@ -42,13 +42,13 @@ def ask_all(path):
         return codes
 
 
-def as_user(uid, path):
-    """What `ask_all` gets in a process of another user."""
+def as_user(uid, path, groups=()):
+    """What `ask_all` gets in a process of another user, who is in these groups besides its own."""
     receiver, sender = os.pipe()
     pid = os.fork()
     if pid == 0:
         try:
-            os.setgroups([])
+            os.setgroups(groups)
             os.setgid(uid)
             os.setuid(uid)
             os.write(sender, json.dumps(ask_all(path)).encode())
@@ -89,3 +89,11 @@ def test_other_user_reads_and_gets_nothing_done(path):
 def test_other_user_is_not_let_in_by_the_sockets_mode(path):
     with serving_in_thread(path), pytest.raises(json.JSONDecodeError):
         as_user(NOBODY, path)
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can be somebody else")
+@pytest.mark.parametrize("others", [0, 1, 200])
+def test_member_of_the_daemons_group_is_an_operator(path, others):
+    groups = [*range(5000, 5000 + others), os.getegid()]
+    with serving_in_thread(path):
+        assert set(as_user(NOBODY, path, groups).values()) == {None}
