@@ -81,17 +81,21 @@ def _sentence(fault: Any) -> str:
     path = ".".join(str(part) for part in fault["loc"]) or "configuration"
     value = fault.get("input")
     shown = f" (it is {value!r})" if not isinstance(value, dict) else ""
-    kind, context = fault["type"], fault.get("ctx") or {}
-    if kind == "extra_forbidden":
+    if fault["type"] == "extra_forbidden":
         return f"{path}: there is no such key"
-    if kind == "missing":
+    if fault["type"] == "missing":
         return f"{path}: is missing"
-    if kind in ("greater_than_equal", "less_than_equal"):
-        low, high, unit = _range(path)
-        return f"{path}: {value!r} is not within {low:g} to {high:g} {unit}".rstrip()
-    if kind == "value_error":
-        return f"{path}: {context.get('error', fault['msg'])}"
-    return f"{path}: {fault['msg'][0].lower()}{fault['msg'][1:]}{shown}"
+    return f"{path}: {unacceptable(fault) or fault['msg'][0].lower() + fault['msg'][1:] + shown}"
+
+
+def unacceptable(fault: Any) -> str | None:
+    """What is wrong with a value of the right type, from pydantic's words for it; None if its type is wrong."""
+    if fault["type"] in ("greater_than_equal", "less_than_equal"):
+        low, high, unit = _range(".".join(fault["loc"]))
+        return f"{fault['input']:g} is not within {low:g} to {high:g} {unit}".rstrip()
+    if fault["type"] == "value_error":
+        return str(fault["ctx"]["error"])
+    return None
 
 
 def _range(path: str) -> tuple[float, float, str]:
@@ -144,8 +148,8 @@ def value_at(config: Config, path: str) -> Any:
 
 
 def with_value(config: Config, path: str, value: Any) -> Config:
-    """The configuration with one value changed. Raises ``ConfigError``."""
+    """The configuration with one value changed. Raises pydantic's ``ValidationError``."""
     change: Any = value
     for key in reversed(path.split(".")):
         change = {key: change}
-    return validated(_stacked(config.model_dump(mode="json"), change))
+    return Config.model_validate(_stacked(config.model_dump(mode="json"), change))

@@ -2,6 +2,9 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from typing import Any
+
+from pydantic import ValidationError
 
 from daemon import config as configuration
 from daemon import logs, orders, pipeline
@@ -9,6 +12,7 @@ from daemon.autopilot.port import CommandRefusedError, CommandTimeoutError, NotC
 from daemon.goals import methods, results
 from daemon.goals.errors import ErrorCode, ProtocolError
 from daemon.goals.hub import Hub
+from daemon.goals.protocol import explained
 from daemon.goals.service import Caller, Identity
 from daemon.journal import Journal
 from daemon.loops.commander import Commander, NotPossibleError
@@ -175,7 +179,9 @@ class Service:
             raise ProtocolError(ErrorCode.REFUSED, f"{params.path} cannot be changed while the daemon runs", "path")
         try:
             self._vehicle.set_config(configuration.with_value(self._vehicle.config, params.path, params.value))
-        except (configuration.ConfigError, ValueError) as error:
+        except ValidationError as error:
+            raise _refused_value(params, dict(error.errors()[0])) from None
+        except ValueError as error:
             raise ProtocolError(ErrorCode.REFUSED, str(error), "value") from None
         setting = self._setting(params.path)
         self._journal.event("config.set", f"{params.path} = {setting['value']}")
@@ -265,3 +271,12 @@ class Service:
             limits=self._vehicle.parameters.value.limits,
             parameters=self._vehicle.guidance,
         )
+
+
+def _refused_value(params: methods.ConfigSet, fault: dict[str, Any]) -> ProtocolError:
+    """What pydantic found wrong with a setting, as of the request's ``value``."""
+    reason = configuration.unacceptable(fault)
+    if reason is not None:
+        return ProtocolError(ErrorCode.REFUSED, reason, "value")
+    inside = fault["loc"][len(params.path.split(".")) :]
+    return explained({**fault, "loc": ("value", *inside)}, {"value": params.value})

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 from daemon.messages import GRAVITY_M_S2
 
 
-def _number(low: float, high: float, unit: str, settable: bool = False) -> Any:
+def _number(low: float, high: float, unit: str | None, settable: bool = False) -> Any:
     return Field(ge=low, le=high, json_schema_extra={"unit": unit, "settable": settable})
 
 
@@ -83,7 +83,7 @@ class Guidance(Section):
 
     profile: Literal["reference_filter", "jerk_limited"] = Field(json_schema_extra={"settable": True})
     natural_frequency_rad_s: float = _number(0.1, 5.0, "rad/s", settable=True)
-    damping: float = _number(0.3, 2.0, "-", settable=True)
+    damping: float = _number(0.3, 2.0, None, settable=True)
     max_distance_m: float = _number(1.0, 100000.0, "m", settable=True)
     deviation_max_m: float = _number(0.5, 1000.0, "m", settable=True)
     limits: Limits
@@ -98,8 +98,8 @@ class Control(Section):
     feedback_max_m_s2: float = _number(0.5, 30.0, "m/s2", settable=True)
     approach_max_m_s: float = _number(0.1, 30.0, "m/s", settable=True)
     attitude_time_constant_s: Triple = _each(0.04, 5.0, "s", settable=True)
-    hover_thrust: float | None = _number(0.05, 0.95, "-")
-    thrust_curve: float = _number(0.0, 1.0, "-")
+    hover_thrust: float | None = _number(0.05, 0.95, None)
+    thrust_curve: float = _number(0.0, 1.0, None)
     thrust_lag_s: float = _number(0.0, 0.5, "s")
     rate_lag_s: Triple = _each(0.0, 2.0, "s")
     drag_1_s: Triple = _each(0.0, 5.0, "1/s", settable=True)
@@ -110,14 +110,14 @@ class Control(Section):
     disturbance_max_m_s2: float = _number(0.0, 15.0, "m/s2", settable=True)
     velocity_bias_bandwidth_rad_s: float = _number(0.0, 20.0, "rad/s", settable=True)
     velocity_bias_max_m_s: float = _number(0.0, 5.0, "m/s", settable=True)
-    velocity_yaw: bool = Field(json_schema_extra={"settable": True})
+    velocity_yaw: bool
     feedthrough: bool
     tilt_max_deg: float = _number(5.0, 80.0, "deg", settable=True)
     rate_max_deg_s: float = _number(20.0, 720.0, "deg/s", settable=True)
     yaw_rate_max_deg_s: float = _number(5.0, 360.0, "deg/s", settable=True)
     rate_slew_max_deg_s2: float = _number(1200.0, 50000.0, "deg/s2", settable=True)
-    thrust_min: float = _number(0.0, 0.5, "-", settable=True)
-    thrust_max: float = _number(0.3, 1.0, "-", settable=True)
+    thrust_min: float = _number(0.0, 0.5, None, settable=True)
+    thrust_max: float = _number(0.3, 1.0, None, settable=True)
     thrust_slew_max_1_s: float = _number(0.5, 100.0, "1/s", settable=True)
 
     @model_validator(mode="after")

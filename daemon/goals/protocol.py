@@ -130,7 +130,7 @@ def _params_of(method: Method, params: Any) -> Params:
     try:
         return method.params.model_validate(params)
     except ValidationError as error:
-        found = [_explain(dict(item), params) for item in error.errors(include_url=False)[:EXPLAINED]]
+        found = [explained(dict(item), params) for item in error.errors(include_url=False)[:EXPLAINED]]
     raise min(found, key=lambda e: e.code)
 
 
@@ -177,8 +177,8 @@ _LENGTHS = {
 }
 
 
-def _explain(item: dict[str, Any], params: dict[str, Any]) -> ProtocolError:
-    """Turn one pydantic error into a code, a path and a sentence."""
+def explained(item: dict[str, Any], params: dict[str, Any]) -> ProtocolError:
+    """One of pydantic's errors as a code, a path in what the client sent, and a sentence."""
     kind, value, context = item["type"], item["input"], item.get("ctx") or {}
     field = _path(item["loc"], params, kind)
     if kind in ("refused", "shape"):

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 import yaml
+from pydantic import ValidationError
 
 from daemon import config as configuration
 from daemon.config import ConfigError, describe, load, validated, value_at, with_value
@@ -122,7 +123,7 @@ def test_a_setting_tells_its_range() -> None:
 
 def test_a_refused_value_changes_nothing() -> None:
     config = load([])
-    with pytest.raises(ConfigError, match=r"within 0\.1 to 25 m/s"):
+    with pytest.raises(ValidationError):
         with_value(config, "guidance.limits.speed_m_s", -1.0)
     assert validated(config.model_dump(mode="json")) == config
     assert isinstance(config, Config)
