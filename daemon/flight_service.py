@@ -156,16 +156,17 @@ class Service:
             raise ProtocolError(ErrorCode.NOT_PERMITTED, "another connection submitted this goal", "goal_id")
         now_s = asyncio.get_running_loop().time()
         sample = orders.stream_sample(params, now_s)
-        refusal = orders.stream_refusal(sample, active.limits, self._vehicle.fence, now_s)
-        if refusal is not None:
-            raise ProtocolError(ErrorCode.REFUSED, refusal.reason, refusal.field)
+        orders.refuse(orders.stream_refusal(sample, active.limits, self._vehicle.fence, now_s))
         self._vehicle.trajectory.stream(sample)
 
     def estimator_pose(self, params: methods.EstimatorPose, caller: Caller) -> None:
         """See ``FlightService``."""
         if self._vehicle.config.estimator.external_pose == "off":
             raise ProtocolError(ErrorCode.WRONG_STATE, "the estimator is not configured to take poses from outside")
-        self._vehicle.control.pose.set(orders.external_pose(params, asyncio.get_running_loop().time()))
+        now_s = asyncio.get_running_loop().time()
+        pose = orders.external_pose(params, now_s)
+        orders.refuse(orders.pose_refusal(pose, now_s))
+        self._vehicle.control.pose.set(pose)
 
     # -- settings
 

@@ -34,6 +34,7 @@ from daemon.safety.geofence import Geofence, violation
 
 STAMP_AGE_MAX_S = 1.0
 STAMP_AHEAD_MAX_S = 0.5
+PLACE_MAX_M = 100_000.0
 NAMED_HEADINGS: dict[str, Heading] = {
     "fixed": FixedHeading(),
     "target": TargetHeading(),
@@ -236,13 +237,14 @@ def _check(goal: Goal, limits: MotionLimits, place: Place) -> None:
         fence=lambda position: violation(place.fence, position),
         max_distance_m=place.max_distance_m,
     )
-    _refuse(reachability.refusal(goal, place.flown, reach))
+    refuse(reachability.refusal(goal, place.flown, reach))
     if not isinstance(goal, StreamGoal):
         plan = planner.plan(place.flown, goal, limits, place.parameters)
-        _refuse(reachability.path_refusal(plan, goal, reach))
+        refuse(reachability.path_refusal(plan, goal, reach))
 
 
-def _refuse(refusal: Refusal | None) -> None:
+def refuse(refusal: Refusal | None) -> None:
+    """Raise the refusal, if it is one."""
     if refusal is not None:
         raise ProtocolError(ErrorCode.REFUSED, refusal.reason, refusal.field)
 
@@ -262,13 +264,20 @@ def stream_sample(params: ReferenceSet, now_s: float) -> StreamSample:
 
 def stream_refusal(sample: StreamSample, limits: MotionLimits, fence: Geofence, now_s: float) -> Refusal | None:
     """What is wrong with a reference from outside, or None."""
-    if not now_s - STAMP_AGE_MAX_S <= sample.stamp_s <= now_s + STAMP_AHEAD_MAX_S:
-        return Refusal("stamp_s", f"{sample.stamp_s - now_s:+.2f} s from now; it is CLOCK_MONOTONIC of this machine")
+    senseless = _stamp_refusal(sample.stamp_s, now_s)
+    if senseless is not None:
+        return senseless
     found = sample_refusal(sample, limits)
     if found is not None:
         return Refusal(*found)
     outside = violation(fence, sample.position_ned_m)
     return None if outside is None else Refusal(f"position[{outside[0]}]", outside[1])
+
+
+def _stamp_refusal(stamp_s: float, now_s: float) -> Refusal | None:
+    if now_s - STAMP_AGE_MAX_S <= stamp_s <= now_s + STAMP_AHEAD_MAX_S:
+        return None
+    return Refusal("stamp_s", f"{stamp_s - now_s:+.2f} s from now; it is CLOCK_MONOTONIC of this machine")
 
 
 def external_pose(params: EstimatorPose, now_s: float) -> ExternalPose:
@@ -281,3 +290,11 @@ def external_pose(params: EstimatorPose, now_s: float) -> ExternalPose:
         position_variance_m2=None if covariance is None else (covariance[0], covariance[1], covariance[2]),
         angle_variance_rad2=None if covariance is None else (covariance[3], covariance[4], covariance[5]),
     )
+
+
+def pose_refusal(pose: ExternalPose, now_s: float) -> Refusal | None:
+    """What is wrong with a pose from outside, or None; whether it fits the estimate is the filter's to say."""
+    for index, metres in enumerate(pose.position_ned_m):
+        if abs(metres) > PLACE_MAX_M:
+            return Refusal(f"position[{index}]", f"{metres:g} m is not within {PLACE_MAX_M:g} m of the local origin")
+    return _stamp_refusal(pose.stamp_s, now_s)

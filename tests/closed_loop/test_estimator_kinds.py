@@ -3,6 +3,7 @@
 import asyncio
 from bisect import bisect
 from math import dist, hypot
+from typing import Any
 
 import pytest
 from support.flight import CALLER, Flight, fly
@@ -95,3 +96,24 @@ def test_a_pose_is_refused_when_the_estimator_takes_none() -> None:
         assert error.value.code is ErrorCode.WRONG_STATE
 
     fly(scenario)
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"stamp_s": -46_800.0}, "stamp_s"),
+        ({"stamp_s": 0.6}, "stamp_s"),
+        ({"position": [0.0, 1e9, 0.0]}, "position[1]"),
+        ({"position": [0.0, 0.0, -1.1e5]}, "position[2]"),
+    ],
+)
+def test_a_pose_with_a_senseless_stamp_or_place_is_refused_by_field(change: dict[str, Any], field: str) -> None:
+    async def scenario(flight: Flight) -> None:
+        given = {"position": [0.0, 0.0, 0.0], "orientation": [1.0, 0.0, 0.0, 0.0], "stamp_s": -0.9} | change
+        given["stamp_s"] += flight.now_s
+        with pytest.raises(ProtocolError) as error:
+            flight.service.estimator_pose(EstimatorPose.model_validate(given), CALLER)
+        assert (error.value.code, error.value.field) == (ErrorCode.REFUSED, field)
+        assert flight.vehicle.control.pose.value is None
+
+    fly(scenario, config={"estimator": {"kind": "ekf", "external_pose": "fused"}})
