@@ -130,16 +130,18 @@ class Vehicle:
     async def release(self) -> None:
         """Hand the vehicle over to Hold if it is ours or about to be, within ``RELEASE_S``; take it no more.
 
-        A goal that is left then ends ``aborted``, ``stopping``: it was not flown yet.
+        The active goal ends ``aborted``, ``stopping``; there is none after it.
         """
         self.commander.stopping = True
-        if self._is_taken():
+        taken = self._is_taken()
+        if taken:
             last = self.request.value
             self.request.set(VehicleRequest(1 if last is None else last.serial + 1, RequestKind.HOLD))
-            with contextlib.suppress(CommandTimeoutError):
-                await self.commander.wait_for(lambda: self.commander.state not in OURS, RELEASE_S, "released")
         if self.trajectory.goal_id is not None:
             self.trajectory.abort(self.trajectory.goal_id, "stopping")
+        if taken:
+            with contextlib.suppress(CommandTimeoutError):
+                await self.commander.wait_for(lambda: self.commander.state not in OURS, RELEASE_S, "released")
 
     def _is_taken(self) -> bool:
         """Whether the vehicle is ours, or an engage is on its way to the supervisor."""
