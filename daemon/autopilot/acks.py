@@ -127,6 +127,10 @@ class CommandAcks:
                 again.append(pending.message)
         return again
 
+    def drop(self, done: Done) -> None:
+        """Whoever gave this does not wait any more: the command is not repeated."""
+        self._pending = {command: pending for command, pending in self._pending.items() if pending.done is not done}
+
     def fail(self, error: LinkError) -> None:
         """Give every waiting command this end."""
         pending, self._pending = list(self._pending.values()), {}

@@ -70,10 +70,13 @@ class Autopilot(Protocol):
         """Ask for a mode (DO_SET_MODE) without waiting."""
 
     async def command(self, command: Command, timeout_s: float) -> None:
-        """Send a command and wait for the autopilot's acknowledgement.
+        """Send a command, again while it is not acknowledged, and wait for that; cancelled, it is not sent again.
 
         Raises ``CommandRefusedError`` with the reason, ``CommandTimeoutError``, ``NotConnectedError``.
         """
+
+    def withdraw_commands(self) -> None:
+        """From now on no command is sent again; whoever waits for one gets ``CommandTimeoutError``."""
 
     async def read_parameter(self, name: str, timeout_s: float) -> float | int | None:
         """One autopilot parameter, or None where the autopilot does not know it or does not answer."""

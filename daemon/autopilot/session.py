@@ -13,7 +13,7 @@ from daemon.autopilot import decode, events, status_messages, streams
 from daemon.autopilot.acks import CommandAcks, Done, ModeAcks
 from daemon.autopilot.ordering import Order, SampleOrder
 from daemon.autopilot.param_reads import ParamReads, Value
-from daemon.autopilot.port import NotConnectedError
+from daemon.autopilot.port import CommandTimeoutError, NotConnectedError
 from daemon.autopilot.px4 import (
     CMD_SET_MODE,
     Fields,
@@ -184,6 +184,14 @@ class Px4Session:
             raise NotConnectedError("no autopilot is connected")
         self._commands.start(message, now_s, timeout_s, done)
         self._outgoing.append(message)
+
+    def drop_command(self, done: Done) -> None:
+        """Nobody waits for this command any more: it is not sent again."""
+        self._commands.drop(done)
+
+    def withdraw_commands(self) -> None:
+        """End every command that waits for its acknowledgement: none is sent again."""
+        self._commands.fail(CommandTimeoutError("the command was withdrawn before it was acknowledged"))
 
     def read_parameter(self, name: str, now_s: float, timeout_s: float, done: Callable[[Value], None]) -> None:
         """Ask for a parameter and call ``done`` with it, or with None: unknown, or no answer in time."""

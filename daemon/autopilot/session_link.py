@@ -27,14 +27,21 @@ class SessionLink:
         """Send a command and wait for the ack: CommandRefusedError, CommandTimeoutError, NotConnectedError."""
         loop = asyncio.get_running_loop()
         future: asyncio.Future[LinkError | None] = loop.create_future()
-        self.session.start_command(encode_command(command), loop.time(), timeout_s, _settle(future))
+        done = _settle(future)
+        self.session.start_command(encode_command(command), loop.time(), timeout_s, done)
         self._flush()
         try:
             error = await asyncio.wait_for(future, timeout_s + _WAIT_MARGIN_S)
         except TimeoutError:
             raise CommandTimeoutError("the link has stopped") from None
+        finally:
+            self.session.drop_command(done)
         if error is not None:
             raise error
+
+    def withdraw_commands(self) -> None:
+        """No command is sent again; whoever waits for one gets CommandTimeoutError."""
+        self.session.withdraw_commands()
 
     async def read_parameter(self, name: str, timeout_s: float) -> float | int | None:
         """One parameter, or None: not known to the autopilot, or no answer within ``timeout_s``."""

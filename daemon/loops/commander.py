@@ -211,7 +211,9 @@ class Commander:
         await self._until(turn, lambda: self._autopilot.status.value.armed, self._timeouts.arm_s, "armed")
 
     def _begin(self) -> int:
+        """End the request before; a command of its that was not acknowledged must not come after this request's."""
         self._turn += 1
+        self._autopilot.withdraw_commands()
         return self._turn
 
     async def _begin_leaving(self, what: str) -> int:

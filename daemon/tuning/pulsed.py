@@ -73,6 +73,10 @@ class PulsedAutopilot:
         """See ``Autopilot``."""
         await self._autopilot.command(command, timeout_s)
 
+    def withdraw_commands(self) -> None:
+        """See ``Autopilot``."""
+        self._autopilot.withdraw_commands()
+
     async def read_parameter(self, name: str, timeout_s: float) -> float | int | None:
         """See ``Autopilot``."""
         return await self._autopilot.read_parameter(name, timeout_s)

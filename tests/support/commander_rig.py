@@ -70,6 +70,8 @@ class Vehicle:
         self.altitude_amsl_m = command.altitude_amsl_m
         self._tell(command.kind)
 
+    def withdraw_commands(self) -> None: ...
+
     async def watch(self) -> None:
         """The supervisor, which takes each request once."""
         seen = 0

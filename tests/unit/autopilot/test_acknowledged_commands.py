@@ -181,6 +181,20 @@ def test_a_later_command_of_the_same_number_ends_the_earlier(session: Px4Session
     assert disarm.calls == [None]
 
 
+def test_a_command_that_was_withdrawn_ends_and_is_not_sent_again(session: Px4Session) -> None:
+    outcome, later = Outcome(), Outcome()
+    session.start_command(command_long(22), 0.0, 5.0, outcome)
+    session.withdraw_commands()
+    assert [type(error) for error in outcome.calls] == [CommandTimeoutError]
+    session.take_outgoing()
+    session.receive("ATTITUDE", {}, 0.6)
+    session.poll(0.6)
+    assert not [f for _, f in session.take_outgoing() if f.get("command") == 22]
+    session.start_command(command_long(22), 0.7, 5.0, later)
+    session.receive("COMMAND_ACK", ack(22, 0), 0.8)
+    assert (len(outcome.calls), later.calls) == (1, [None])
+
+
 def test_a_mode_can_be_asked_for_while_nothing_is_heard_but_not_of_a_stranger(session: Px4Session) -> None:
     assert Px4Session().mode_message(FlightMode.HOLD) is None
     session.poll(10.0)

@@ -22,6 +22,7 @@ class TinyPx4:
         self.refuse_mode = False
         self.silent = False
         self.arm_result: int | None = 0
+        self.armings = 0
         self.setpoints: list[tuple[int, dict[str, Any]]] = []
         self._out: list[tuple[str, dict[str, Any]]] = []
 
@@ -54,8 +55,10 @@ class TinyPx4:
                 self.custom_mode = int(fields["param2"]) << 16 | int(fields["param3"]) << 24
                 mode = {"custom_mode": self.custom_mode, "intended_custom_mode": self.custom_mode}
                 self._out.append(("CURRENT_MODE", mode))
-        elif name == "COMMAND_LONG" and fields["command"] == 400 and self.arm_result is not None:
-            self._out.append(("COMMAND_ACK", {"command": 400, "result": self.arm_result}))
+        elif name == "COMMAND_LONG" and fields["command"] == 400:
+            self.armings += 1
+            if self.arm_result is not None:
+                self._out.append(("COMMAND_ACK", {"command": 400, "result": self.arm_result}))
 
     def take_outgoing(self) -> list[tuple[str, dict[str, Any]]]:
         out, self._out = self._out, []
@@ -136,6 +139,22 @@ def test_commands_and_parameters_are_answered() -> None:
             await autopilot.command(Command(CommandKind.ARM), 1.0)
         assert await autopilot.read_parameter("MPC_THR_HOVER", 1.0) == 0.5
         task.cancel()
+
+    run_virtual(fly())
+
+
+def test_a_command_that_nobody_waits_for_any_more_is_not_sent_again() -> None:
+    async def fly() -> None:
+        px4 = TinyPx4()
+        autopilot = InProcessAutopilot(px4)
+        px4.arm_result = None
+        task = await connected(autopilot)
+        arming = asyncio.ensure_future(autopilot.command(Command(CommandKind.ARM), 2.0))
+        await asyncio.sleep(0.3)
+        arming.cancel()
+        await asyncio.sleep(1.0)
+        task.cancel()
+        assert px4.armings == 1
 
     run_virtual(fly())
 

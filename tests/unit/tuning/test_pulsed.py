@@ -38,6 +38,8 @@ class Wire:
 
     async def command(self, command: Command, timeout_s: float) -> None: ...
 
+    def withdraw_commands(self) -> None: ...
+
     async def read_parameter(self, name: str, timeout_s: float) -> float | int | None:
         return None
 
