@@ -23,16 +23,20 @@ class Reports:
         """Result of status.get."""
         record = self._vehicle.control.record.value
         state = record.supervision.state if record else State.DISCONNECTED
-        reason = record.supervision.reason if record else "start"
         return {
             "state": state.value,
-            "reasons": [{"code": reason, "text": REASONS.get(reason, reason.replace("_", " "))}],
+            "reasons": self.reasons(record.supervision.reason if record else "start"),
             "autopilot": self.autopilot(),
             "vehicle": self.vehicle(),
             "goal": self.goal(),
             "loops": self.loops(),
             "counters": self.counters(),
         }
+
+    def reasons(self, reason: str) -> list[results.Reason]:
+        """The supervisor's reason, then what the health task warns of."""
+        said: list[results.Reason] = [{"code": reason, "text": REASONS.get(reason, reason.replace("_", " "))}]
+        return said + [{"code": name, "text": text} for name, text in self._vehicle.health.warnings.items()]
 
     def autopilot(self) -> results.AutopilotReport:
         """What the autopilot says of itself."""

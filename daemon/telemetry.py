@@ -81,15 +81,12 @@ class Telemetry:
         )
 
     def _publish_health(self, record: Record) -> None:
-        reason = record.supervision.reason
-        reasons = [{"code": reason, "text": REASONS.get(reason, reason)}]
-        reasons += [{"code": name, "text": text} for name, text in self._vehicle.health.warnings.items()]
         self._hub.publish(
             "health",
             {
                 "time_s": record.now_s,
                 "state": record.supervision.state.value,
-                "reasons": reasons,
+                "reasons": self._reports.reasons(record.supervision.reason),
                 "autopilot": self._reports.autopilot(),
                 "counters": self._reports.counters(),
             },

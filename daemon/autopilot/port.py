@@ -79,4 +79,7 @@ class Autopilot(Protocol):
         """From now on no command is sent again; whoever waits for one gets ``CommandTimeoutError``."""
 
     async def read_parameter(self, name: str, timeout_s: float) -> float | int | None:
-        """One autopilot parameter, or None where the autopilot does not know it or does not answer."""
+        """One autopilot parameter, or None where the autopilot does not know it.
+
+        Raises ``CommandTimeoutError`` when it does not answer, ``NotConnectedError``.
+        """

@@ -7,12 +7,11 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from math import inf
+from math import inf, isfinite
 
-from daemon.autopilot import decode, events, status_messages, streams
+from daemon.autopilot import decode, events, param_reads, status_messages, streams
 from daemon.autopilot.acks import CommandAcks, Done, ModeAcks
 from daemon.autopilot.ordering import Order, SampleOrder
-from daemon.autopilot.param_reads import ParamReads, Value
 from daemon.autopilot.port import CommandTimeoutError, NotConnectedError
 from daemon.autopilot.px4 import (
     CMD_SET_MODE,
@@ -34,6 +33,7 @@ from daemon.messages import (
 
 SAMPLES = ("ODOMETRY", "HIGHRES_IMU")
 _EVENTS_KEPT = 64
+_PARAM_DOES_NOT_EXIST = 1  # MAV_PARAM_ERROR; any other may be gone when asked again
 _REASON_UPDATE_S = 0.2  # an EVENT that explains a refusal comes within a few ms of the ack; generous
 
 
@@ -71,7 +71,7 @@ class Px4Session:
         self._time_sync = TimeSync()
         self._mode_acks = ModeAcks()
         self._commands = CommandAcks()
-        self._param_reads = ParamReads()
+        self._param_reads = param_reads.ParamReads()
         self._reasons = events.Reasons()
         self._refused: tuple[int, FlightMode, float] | None = None
         self._outgoing: list[Message] = []
@@ -193,8 +193,8 @@ class Px4Session:
         """End every command that waits for its acknowledgement: none is sent again."""
         self._commands.fail(CommandTimeoutError("the command was withdrawn before it was acknowledged"))
 
-    def read_parameter(self, name: str, now_s: float, timeout_s: float, done: Callable[[Value], None]) -> None:
-        """Ask for a parameter and call ``done`` with it, or with None: unknown, or no answer in time."""
+    def read_parameter(self, name: str, now_s: float, timeout_s: float, done: param_reads.Done) -> None:
+        """Ask for a parameter and call ``done`` with it, None for one that PX4 does not know, or why none came."""
         self._outgoing.append(self._param_reads.start(name, now_s, timeout_s, done))
 
     # ---- messages
@@ -224,7 +224,7 @@ class Px4Session:
     def _forget_waiting(self, why: str) -> None:
         self._mode_acks.clear()
         self._commands.fail(NotConnectedError(why))
-        self._param_reads.fail()
+        self._param_reads.fail(NotConnectedError(why))
 
     def _on_reboot(self, now_s: float) -> None:
         self._order.restart()
@@ -287,7 +287,9 @@ class Px4Session:
 
     def _on_param_value(self, fields: Fields, _now_s: float) -> None:
         value = fields["param_value"]
-        self._param_reads.settle(str(fields["param_id"]), value if isinstance(value, int | float) else None)
+        if isinstance(value, int | float) and isfinite(value):
+            self._param_reads.settle(str(fields["param_id"]), value)
 
     def _on_param_error(self, fields: Fields, _now_s: float) -> None:
-        self._param_reads.settle(str(fields["param_id"]), None)
+        if int(fields["error"]) == _PARAM_DOES_NOT_EXIST:
+            self._param_reads.settle(str(fields["param_id"]), None)

@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Callable
 from typing import TypeVar
 
+from daemon.autopilot.param_reads import Answer
 from daemon.autopilot.port import Command, CommandTimeoutError, LinkError
 from daemon.autopilot.px4 import encode_command
 from daemon.autopilot.session import Px4Session
@@ -44,15 +45,18 @@ class SessionLink:
         self.session.withdraw_commands()
 
     async def read_parameter(self, name: str, timeout_s: float) -> float | int | None:
-        """One parameter, or None: not known to the autopilot, or no answer within ``timeout_s``."""
+        """One parameter, or None: not known to the autopilot. CommandTimeoutError, NotConnectedError."""
         loop = asyncio.get_running_loop()
-        future: asyncio.Future[float | int | None] = loop.create_future()
+        future: asyncio.Future[Answer] = loop.create_future()
         self.session.read_parameter(name, loop.time(), timeout_s, _settle(future))
         self._flush()
         try:
-            return await asyncio.wait_for(future, timeout_s)
+            answer = await asyncio.wait_for(future, timeout_s + _WAIT_MARGIN_S)
         except TimeoutError:
-            return None
+            raise CommandTimeoutError("the link has stopped") from None
+        if isinstance(answer, LinkError):
+            raise answer
+        return answer
 
 
 def _settle(future: "asyncio.Future[T]") -> Callable[[T], None]:

@@ -1,7 +1,6 @@
-"""The health task: the watchdog is fed while both tasks tick, slipping grids and dangerous parameters are told."""
+"""The health task: the watchdog is fed while both tasks tick, slipping grids are told."""
 
 import pytest
-import structlog
 from support.flight import Flight, fly
 
 from daemon.safety.supervisor import State
@@ -50,33 +49,3 @@ def test_a_grid_that_slips_is_told_until_it_no_longer_does() -> None:
         assert "control_slips" not in flight.vehicle.health.warnings
 
     fly(scenario)
-
-
-def test_dangerous_parameters_are_told_with_what_to_set() -> None:
-    async def scenario(flight: Flight) -> None:
-        await standing_by(flight)
-        assert set(flight.vehicle.health.warnings) == {"COM_RC_OVERRIDE", "COM_OF_LOSS_T"}
-        assert "set bit 1 (value 3)" in flight.vehicle.health.warnings["COM_RC_OVERRIDE"]
-
-    fly(scenario, parameters={"COM_RC_OVERRIDE": 1, "COM_OF_LOSS_T": 5.0, "COM_OBL_RC_ACT": 5})
-
-
-def test_sound_parameters_are_not_told() -> None:
-    async def scenario(flight: Flight) -> None:
-        await standing_by(flight)
-        assert flight.vehicle.health.warnings == {}
-
-    fly(scenario, parameters={"COM_RC_OVERRIDE": 3, "COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5})
-
-
-@pytest.mark.parametrize(("configured", "flown", "said"), [(None, 0.45, True), (0.6, 0.6, False)])
-def test_the_hover_thrust_of_the_autopilot_is_taken_and_told_where_none_is_configured(
-    configured: float | None, flown: float, said: bool
-) -> None:
-    async def scenario(flight: Flight) -> None:
-        await standing_by(flight)
-        assert flight.vehicle.parameters.value.control.hover_thrust == pytest.approx(flown)
-
-    with structlog.testing.capture_logs() as lines:
-        fly(scenario, parameters={"MPC_THR_HOVER": 0.45}, config={"control": {"hover_thrust": configured}})
-    assert ("hover_thrust_from_autopilot" in [line["event"] for line in lines]) is said

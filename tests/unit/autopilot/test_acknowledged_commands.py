@@ -1,5 +1,7 @@
 """How commands, mode requests and parameter reads end: by their answers in PX4's recorded order, or without one."""
 
+from math import nan
+
 import pytest
 from support.session_rig import ack
 
@@ -120,18 +122,38 @@ def test_a_command_without_an_autopilot_is_refused_at_once_and_one_that_waits_en
 
 
 def test_parameters_arrive_or_are_unknown_or_time_out(session: Px4Session) -> None:
-    got: list[float | int | None] = []
+    got: list[object] = []
     session.read_parameter("MPC_THR_HOVER", 0.0, 1.0, got.append)
     assert session.take_outgoing()[0][1]["param_id"] == "MPC_THR_HOVER"
     session.receive("PARAM_VALUE", {"param_id": "OTHER", "param_value": 3.0, "param_type": 9}, 0.1)
     session.receive("PARAM_VALUE", {"param_id": "MPC_THR_HOVER", "param_value": 0.5, "param_type": 9}, 0.1)
     session.read_parameter("NO_SUCH_PARAM", 0.1, 1.0, got.append)
     session.receive("PARAM_ERROR", {"param_id": "NO_SUCH_PARAM", "error": 1}, 0.2)
+    assert got == [0.5, None]
     session.read_parameter("SLOW", 0.2, 0.3, got.append)
     session.poll(0.46)
     assert any(fields.get("param_id") == "SLOW" for _, fields in session.take_outgoing())
     session.poll(0.5)
-    assert got == [0.5, None, None]
+    assert [type(answer) for answer in got[2:]] == [CommandTimeoutError]
+
+
+@pytest.mark.parametrize("value", [None, nan])
+def test_what_does_not_say_the_value_of_a_parameter_is_no_answer(session: Px4Session, value: float | None) -> None:
+    got: list[object] = []
+    session.read_parameter("MPC_THR_HOVER", 0.0, 0.3, got.append)
+    session.receive("PARAM_VALUE", {"param_id": "MPC_THR_HOVER", "param_value": value, "param_type": 9}, 0.1)
+    session.receive("PARAM_ERROR", {"param_id": "MPC_THR_HOVER", "error": 8}, 0.1)
+    assert got == []
+    session.receive("PARAM_VALUE", {"param_id": "MPC_THR_HOVER", "param_value": 0.5, "param_type": 9}, 0.2)
+    assert got == [0.5]
+
+
+def test_a_read_ends_with_the_link_and_with_a_later_one_of_its_name(session: Px4Session) -> None:
+    got: list[object] = []
+    session.read_parameter("MPC_THR_HOVER", 0.0, 5.0, got.append)
+    session.read_parameter("MPC_THR_HOVER", 0.1, 5.0, got.append)
+    session.poll(0.6)
+    assert [type(answer) for answer in got] == [CommandTimeoutError, NotConnectedError]
 
 
 def test_a_second_ack_that_comes_very_late_still_refuses(session: Px4Session) -> None:
