@@ -30,7 +30,7 @@ from daemon.guidance.stream import StreamSample, sample_refusal
 from daemon.guidance.waypoint_modes import WaypointMode
 from daemon.loops.goal_order import GoalOrder
 from daemon.messages import AutopilotStatus, ExternalPose, GlobalPosition, Quat, Reference, Vec3
-from daemon.safety.geofence import Geofence, violation
+from daemon.safety.geofence import Geofence, between, violation
 
 STAMP_AGE_MAX_S = 1.0
 STAMP_AHEAD_MAX_S = 0.5
@@ -235,6 +235,7 @@ def _check(goal: Goal, limits: MotionLimits, place: Place) -> None:
     reach = Reach(
         limits=limits,
         fence=lambda position: violation(place.fence, position),
+        between=lambda start, end: between(place.fence, start, end),
         max_distance_m=place.max_distance_m,
     )
     refuse(reachability.refusal(goal, place.flown, reach))

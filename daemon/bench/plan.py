@@ -1,19 +1,23 @@
-"""What planning costs: from a goal to its first reference window, and each window after it."""
+"""What planning costs: to accept a goal, from the goal to its first reference window, and each window after it."""
 
 from math import cos, pi, sin
 from time import perf_counter
 
 from daemon.bench.quantiles import quantile
-from daemon.guidance import planner
+from daemon.guidance import planner, reachability
 from daemon.guidance.goals import Goal, PathGoal, ShapeGoal, Through, WaypointGoal
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters, Profile
+from daemon.guidance.reachability import Reach
 from daemon.guidance.shapes import Circle, Lemniscate
 from daemon.messages import Reference
+from daemon.safety.geofence import Geofence, between, violation
 
 WINDOW = 100
 WINDOWS = 20
 START = Reference(0.0, (0.0, 0.0, -5.0), (1.0, -0.5, 0.2), (0.2, 0.1, 0.0))
+OCTAGON = tuple((200.0 * cos(0.25 * pi * i), 200.0 * sin(0.25 * pi * i)) for i in range(8))
+FENCE = Geofence(polygon_ne_m=OCTAGON, ceiling_m=100.0)
 
 
 def goals() -> dict[str, tuple[Goal, Profile]]:
@@ -45,13 +49,23 @@ def goals() -> dict[str, tuple[Goal, Profile]]:
 
 
 def measure(rounds: int) -> dict[str, dict[str, float]]:
-    """Milliseconds, p50 and p99: ``plan`` with its first window, and ``window`` for each further one."""
+    """Milliseconds, p50 and p99: ``check`` for all that decides whether a goal in a fence of eight corners is taken,
+    ``plan`` with its first window, and ``window`` for each further one."""
     limits = MotionLimits()
+    reach = Reach(
+        limits=limits,
+        fence=lambda position: violation(FENCE, position),
+        between=lambda start, end: between(FENCE, start, end),
+    )
     figures = {}
     for name, (goal, profile) in goals().items():
         parameters = GuidanceParameters(profile=profile)
-        plans, windows = [], []
+        checks, plans, windows = [], [], []
         for _ in range(rounds):
+            begun_s = perf_counter()
+            reachability.refusal(goal, START, reach)
+            reachability.path_refusal(planner.plan(START, goal, limits, parameters), goal, reach)
+            checks.append(1e3 * (perf_counter() - begun_s))
             begun_s = perf_counter()
             plan = planner.plan(START, goal, limits, parameters)
             plan.window(0.0, WINDOW)
@@ -61,9 +75,8 @@ def measure(rounds: int) -> dict[str, dict[str, float]]:
                 plan.window(0.1 * i, WINDOW)
                 windows.append(1e3 * (perf_counter() - begun_s))
         figures[name] = {
-            "plan_p50_ms": quantile(plans, 0.5),
-            "plan_p99_ms": quantile(plans, 0.99),
-            "window_p50_ms": quantile(windows, 0.5),
-            "window_p99_ms": quantile(windows, 0.99),
+            f"{what}_p{share}_ms": quantile(taken, share / 100.0)
+            for what, taken in (("check", checks), ("plan", plans), ("window", windows))
+            for share in (50, 99)
         }
     return figures

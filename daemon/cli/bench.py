@@ -207,7 +207,7 @@ def plan(
     rounds: Annotated[int, typer.Option(help="How often each goal is planned.", min=1, max=10000)] = 200,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Time planning: a goal with its first reference window, and each window after it.
+    """Time planning: to accept a goal, to plan it with its first reference window, and each window after it.
 
     Example: flightd bench plan --rounds 500
     """
@@ -217,9 +217,11 @@ def plan(
     if as_json:
         typer.echo(json.dumps(figures))
         return
-    typer.echo(f"{'ms':38} {'plan p50':>9} {'p99':>7} {'window p50':>11} {'p99':>7}")
+    typer.echo(f"{'ms':38} {'check p50':>10} {'p99':>7} {'plan p50':>10} {'p99':>7} {'window p50':>10} {'p99':>7}")
     for name, f in figures.items():
-        row = f"{f['plan_p50_ms']:9.2f} {f['plan_p99_ms']:7.2f} {f['window_p50_ms']:11.2f} {f['window_p99_ms']:7.2f}"
+        row = " ".join(
+            f"{f[f'{what}_p50_ms']:10.2f} {f[f'{what}_p99_ms']:7.2f}" for what in ("check", "plan", "window")
+        )
         typer.echo(f"{name:38} {row}")
 
 

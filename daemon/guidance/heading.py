@@ -1,6 +1,6 @@
 """Where the nose points while a path is flown: a wish per instant, followed within the limits of the heading."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from math import atan2, floor, hypot
 
@@ -129,6 +129,10 @@ class HeadedPlan(Plan):
     def path(self) -> Plan:
         """The path, whose heading is not this plan's."""
         return self._path.path
+
+    def polyline(self) -> Iterator[Vec3]:
+        """The path's."""
+        return self._path.polyline()
 
     def _last_wish(self) -> float:
         """The last wish of the path, looked for from its end backwards, ever more coarsely; the start's heading."""

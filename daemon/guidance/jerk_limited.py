@@ -7,13 +7,14 @@ is checked. Now and then no sharing fits a start at its limits: then there is no
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 from math import atan2, hypot, inf, sqrt
 
 import ruckig
 
-from daemon.frames import add, clamp, rotate_about_down, wrap_pi
+from daemon.frames import add, clamp, norm, rotate_about_down, wrap_pi
 from daemon.guidance.limits import MotionLimits
-from daemon.guidance.plan import Plan
+from daemon.guidance.plan import Plan, straights
 from daemon.messages import ZERO3, Reference, Vec3
 
 _SIDEWAYS = 1e-7  # m/s and m/s^2 of the start across the direction of travel that count as none
@@ -60,6 +61,27 @@ class JerkLimitedPlan(Plan):
         if time_s >= self._end_s:
             return replace(self._target, time_s=time_s)
         return _at(self._motion, max(0.0, time_s - self.start_s), time_s)
+
+    def polyline(self) -> Iterator[Vec3]:
+        """From rest a straight way; else each stretch of constant jerk by its acceleration, largest at one end."""
+        start = self.sample(self.start_s)
+        yield start.position_ned_m
+        if (start.velocity_ned_m_s, start.acceleration_ned_m_s2) != (ZERO3, ZERO3):
+            for begin, end in pairwise(map(self.sample, self._bends_s())):
+                largest = max(norm(begin.acceleration_ned_m_s2), norm(end.acceleration_ned_m_s2))
+                lasts_s = end.time_s - begin.time_s
+                count = straights(lasts_s, largest)
+                for i in range(1, count + 1):
+                    yield self.sample(begin.time_s + lasts_s * i / count).position_ned_m
+        yield self._target.position_ned_m
+
+    def _bends_s(self) -> list[float]:
+        """Start, end, and the instants between at which the jerk along an axis changes."""
+        lasts_s = float(self._motion.trajectory.duration)
+        changes_s = {0.0, lasts_s}
+        for axis in self._motion.trajectory.profiles[0][:3]:
+            changes_s.update(accumulate((*axis.brake.t, *axis.t, *axis.accel.t)))
+        return [self.start_s + since_s for since_s in sorted(changes_s) if since_s <= lasts_s]
 
     def shifted(self, dp_ned_m: Vec3, dv_ned_m_s: Vec3, dyaw_rad: float, at_s: float) -> Plan:
         """Moved with the estimate; after a velocity jump solved anew from the shifted state to the same goal."""

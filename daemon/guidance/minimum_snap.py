@@ -3,7 +3,9 @@
 The curve itself is ``snap_spline``'s.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 from math import hypot
 
 import numpy as np
@@ -11,7 +13,7 @@ import numpy.typing as npt
 
 from daemon.frames import subtract
 from daemon.guidance.limits import MotionLimits
-from daemon.guidance.plan import WINDOW_COUNT, Plan
+from daemon.guidance.plan import WINDOW_COUNT, Plan, straights
 from daemon.guidance.snap_spline import SnapSpline, interpolated
 from daemon.messages import WINDOW_SPACING_S, ZERO3, Reference, Vec3
 
@@ -54,6 +56,14 @@ class MinimumSnapPlan(Plan):
     def window(self, from_s: float, count: int = WINDOW_COUNT) -> tuple[Reference, ...]:
         """The window at once, ten times as fast as by samples."""
         return self._samples(from_s + WINDOW_SPACING_S * np.arange(count, dtype=np.float64))
+
+    def polyline(self) -> Iterator[Vec3]:
+        """Each segment by its largest acceleration, looked for as for the limits."""
+        for begin_s, end_s in pairwise((0.0, *(pass_s - self.start_s for pass_s in self.passes_s))):
+            looks = np.linalg.norm(self._spline(np.linspace(begin_s, end_s, _LOOKS), 2), axis=1)
+            count = straights(end_s - begin_s, _STRETCH * float(looks.max()))
+            places = self._spline(np.linspace(begin_s, end_s, count + 1)).tolist()
+            yield from ((north, east, down) for north, east, down in places)
 
     def _samples(self, times_s: Array) -> tuple[Reference, ...]:
         held = np.clip(times_s - self.start_s, 0.0, self._duration_s)

@@ -2,12 +2,16 @@
 
 from abc import ABC, abstractmethod
 from bisect import bisect_right
+from collections.abc import Iterator
 from dataclasses import replace
+from math import ceil, sqrt
 
 from daemon.frames import add, norm, scale, wrap_pi
 from daemon.messages import WINDOW_SPACING_S, ZERO3, Reference, Vec3
 
 WINDOW_COUNT = 60  # samples of a window: 0.6 s, a tenth more than must be there
+STRAY_M = 0.2  # by which the straight ways between the places of a polyline may miss the path
+_LOOK_S = 0.2  # between two places of a motion of which nothing is known: at 10 m/s^2 it strays by 5 cm
 _RESET_ACCELERATION_M_S2 = 1.0  # what taking a velocity reset out of the reference may ask for on top of the plan
 _DECAY_PEAK = 6.0  # bounds |f''| of the decay below on [0, 1]
 
@@ -46,9 +50,19 @@ class Plan(ABC):
         return 1.0 if whole_s <= 0.0 else min(1.0, max(0.0, (time_s - self.start_s) / whole_s))
 
     def outline(self, count: int = 100) -> tuple[Reference, ...]:
-        """``count`` references spread over the whole plan: its path, to look at and to check against a fence."""
+        """``count`` references spread over the whole plan's time: its path, to look at."""
         path, spacing_s = self.path, (self.end_s - self.start_s) / max(1, count - 1)
         return tuple(path.sample(self.start_s + i * spacing_s) for i in range(count))
+
+    def polyline(self) -> Iterator[Vec3]:
+        """Places from the start to the target whose straight connections stay within ``STRAY_M`` of the path.
+
+        Plans that know their way name no more than it takes, however long it lasts: a rest is one place, of the turns
+        of a shape the first is all. Ask the ``path`` for it, which is cheap to look at far ahead.
+        """
+        for i in range(ceil((self.end_s - self.start_s) / _LOOK_S)):
+            yield self.sample(self.start_s + i * _LOOK_S).position_ned_m
+        yield self.target.position_ned_m
 
     def shifted(self, dp_ned_m: Vec3, dv_ned_m_s: Vec3, dyaw_rad: float, at_s: float) -> "Plan":
         """The same plan after the estimate jumped by these amounts at ``at_s``: it keeps its physical place."""
@@ -81,6 +95,10 @@ class HoldPlan(Plan):
         """The place."""
         return replace(self._place, time_s=time_s)
 
+    def polyline(self) -> Iterator[Vec3]:
+        """The place."""
+        yield self._place.position_ned_m
+
 
 class SequencePlan(Plan):
     """Plans one after the other, each starting in the state and at the time in which the one before it ends."""
@@ -108,6 +126,11 @@ class SequencePlan(Plan):
     def sample(self, time_s: float) -> Reference:
         """The reference of the leg that is being flown then."""
         return self._legs[max(0, bisect_right(self._starts_s, time_s) - 1)].sample(time_s)
+
+    def polyline(self) -> Iterator[Vec3]:
+        """The legs' polylines; between two legs the plan rests."""
+        for leg in self._legs:
+            yield from leg.polyline()
 
 
 class JoinedPlan(Plan):
@@ -215,6 +238,11 @@ class ShiftedPlan(Plan):
             dp, dyaw = add(self._dp, inner._dp), self._dyaw + inner._dyaw
             return ShiftedPlan(inner._plan, dp, self._dv, dyaw, self._at_s)
         return ShiftedPlan(inner, self._dp, self._dv, self._dyaw, self._at_s)
+
+
+def straights(duration_s: float, acceleration_m_s2: float) -> int:
+    """How many straight ways a motion takes that strays by a t^2 / 8 from each: ``STRAY_M`` at most."""
+    return max(1, ceil(duration_s * sqrt(acceleration_m_s2 / (8.0 * STRAY_M))))
 
 
 def _decay(s: float) -> tuple[float, float, float, float]:

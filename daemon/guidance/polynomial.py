@@ -3,10 +3,11 @@
 Source: the polynomial trajectories of mavros_controllers; the jerk is the parameter, not six times it.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
-from daemon.frames import add, scale
-from daemon.guidance.plan import Plan
+from daemon.frames import add, norm, scale
+from daemon.guidance.plan import Plan, straights
 from daemon.messages import ZERO3, Reference, Vec3
 
 DIRECTIONS: tuple[Vec3, ...] = (
@@ -51,6 +52,13 @@ class PolynomialPlan(Plan):
             acceleration_ned_m_s2=add(a, scale(self._jerk, t)),
             jerk_ned_m_s3=self._jerk,
         )
+
+    def polyline(self) -> Iterator[Vec3]:
+        """By its acceleration, which is largest at one of the ends."""
+        largest = max(norm(end.acceleration_ned_m_s2) for end in (self._start, self.target))
+        count = straights(self._duration_s, largest)
+        for i in range(count + 1):
+            yield self.sample(self.start_s + self._duration_s * i / count).position_ned_m
 
 
 def candidates(start: Reference, jerk_m_s3: float, duration_s: float) -> tuple[PolynomialPlan, ...]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from math import degrees, hypot, isfinite, pi, radians
 
 from daemon.frames import is_finite, norm, scale, subtract, tilt_of
@@ -14,7 +15,7 @@ from daemon.messages import Reference, Vec3
 
 _MOST_TILT_RAD = radians(1.0)
 _PHASES = 72  # at which a shape's derivatives are looked at
-_OUTLINE = 120  # instants at which a plan is held against fence and limits
+_OUTLINE = 120  # instants at which a polynomial's motion is looked at
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,10 +28,15 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reach:
-    """What a goal may be at most; ``fence`` says by (axis, reason) where a position is outside, None inside."""
+    """What a goal may be at most.
+
+    ``fence`` says by (axis, reason) where a position is outside, None inside. ``between`` names the places of a
+    straight way between two positions that have to be asked for besides its ends.
+    """
 
     limits: MotionLimits
     fence: Callable[[Vec3], tuple[int, str] | None] = lambda _: None
+    between: Callable[[Vec3, Vec3], tuple[Vec3, ...]] = lambda _start, _end: ()
     max_distance_m: float = 1000.0  # of any point of the goal from the vehicle
     max_waypoints: int = 50
     max_duration_s: float = 3600.0
@@ -48,24 +54,34 @@ def refusal(goal: Goal, start: Reference, reach: Reach) -> Refusal | None:
 def path_refusal(plan: Plan, goal: Goal, reach: Reach) -> Refusal | None:
     """What is wrong with the way to a goal and along it, the overshoot of a moving start included.
 
-    A start outside of the fence is not held against a plan that leads back in: what comes after the first instant
-    inside counts, and the end. A polynomial's motion is held against the limits too. Costs 1 to 10 ms.
+    A start outside of the fence is not held against a plan that leads back in: what comes after the first place
+    inside counts, and the end. The plan's polyline is looked at, so that nothing of the way passes unseen however long
+    it takes. A polynomial's motion is held against the limits too. Costs 0.1 to 2 ms.
     """
     lasts_s, allowed_s = plan.end_s - plan.start_s, 2.0 * reach.max_duration_s  # the goal, and the way there
     if not lasts_s <= allowed_s:
         return Refusal(_place_of(goal), f"takes {lasts_s:.0f} s; at most {allowed_s:g} s are allowed")
-    inside = False
-    for reference in plan.outline(_OUTLINE):
-        found = reach.fence(reference.position_ned_m)
-        inside = inside or found is None
-        if inside and found is not None:
-            return Refusal(f"{_place_of(goal)}[{found[0]}]", f"on the way: {found[1]}")
-        if isinstance(goal, PolynomialGoal):
+    if isinstance(goal, PolynomialGoal):
+        for reference in plan.outline(_OUTLINE):
             excess = motion_excess(reference.velocity_ned_m_s, reference.acceleration_ned_m_s2, reach.limits)
             if excess is not None:
                 return Refusal("trajectory.jerk_m_s3", f"after some time {excess[1]}")
+    inside = False
+    for place in _places(plan, reach):
+        found = reach.fence(place)
+        inside = inside or found is None
+        if inside and found is not None:
+            return Refusal(f"{_place_of(goal)}[{found[0]}]", f"on the way: {found[1]}")
     end = reach.fence(plan.target.position_ned_m)
     return None if end is None else Refusal(f"{_place_of(goal)}[{end[0]}]", end[1])
+
+
+def _places(plan: Plan, reach: Reach) -> Iterator[Vec3]:
+    """The places to ask the fence for: where the plan's path bends, and what lies between."""
+    yield plan.path.sample(plan.start_s).position_ned_m
+    for start, end in pairwise(plan.path.polyline()):
+        yield from reach.between(start, end)
+        yield end
 
 
 def _place_of(goal: Goal) -> str:

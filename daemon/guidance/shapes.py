@@ -1,10 +1,11 @@
 """Circle and lemniscate: curves of a phase, and plans that run the phase up, around and down again."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from math import cos, hypot, pi, sin, sqrt
+from math import copysign, cos, hypot, pi, sin, sqrt
 
 from daemon.frames import add, cross, norm, scale, subtract
-from daemon.guidance.plan import Plan
+from daemon.guidance.plan import Plan, straights
 from daemon.messages import Reference, Vec3
 
 _ENTRIES = 72  # phases among which the entry nearest to the vehicle is looked for
@@ -114,8 +115,9 @@ class ShapePlan(Plan):
         whole_rad = 2.0 * pi * turns
         rate = min(abs(rate_rad_s), whole_rad / self._ramp_s)
         self._duration_s = whole_rad / rate + self._ramp_s
-        self._rate_rad_s = rate if rate_rad_s >= 0.0 else -rate
-        end = shape.at(entry_rad + (whole_rad if rate_rad_s >= 0.0 else -whole_rad))[0]
+        self._rate_rad_s = copysign(rate, rate_rad_s)
+        self._whole_rad = copysign(whole_rad, rate_rad_s)
+        end = shape.at(entry_rad + self._whole_rad)[0]
         self._target = Reference(self.end_s, end, yaw_rad=start.yaw_rad)
 
     @property
@@ -136,6 +138,13 @@ class ShapePlan(Plan):
         acceleration = add(scale(d2, w * w), scale(d1, w1))
         jerk = add(add(scale(d3, w * w * w), scale(d2, 3.0 * w * w1)), scale(d1, w2))
         return Reference(time_s, p, scale(d1, w), acceleration, jerk, self._yaw_rad)
+
+    def polyline(self) -> Iterator[Vec3]:
+        """The first turn. The curve's second derivative by the phase is at most twice the peak of the first."""
+        turn_rad = copysign(min(abs(self._whole_rad), 2.0 * pi), self._whole_rad)
+        count = straights(abs(turn_rad), 2.0 * self._shape.path_speed_m)
+        for i in range(count + 1):
+            yield self._shape.at(self._entry_rad + turn_rad * i / count)[0]
 
     def _phase(self, since_s: float) -> tuple[float, float, float, float]:
         """Phase, its rate and two more derivatives."""

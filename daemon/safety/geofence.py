@@ -1,9 +1,13 @@
 """The geofence: a cylinder or a polygon with a floor and a ceiling, in local NED about its anchor."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from math import hypot, inf
 
 from daemon.messages import Vec3
+
+_TOUCH = 1e-9  # share of an edge or of a way by which rounding may miss its end
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +51,33 @@ def violation(fence: Geofence, position_ned_m: Vec3) -> tuple[int, str] | None:
     elif hypot(n, e) > fence.radius_m:
         return axis, f"{hypot(n, e):.1f} m from the anchor is outside the fence's radius of {fence.radius_m:g} m"
     return None
+
+
+def between(fence: Geofence, start_ned_m: Vec3, end_ned_m: Vec3) -> tuple[Vec3, ...]:
+    """Places on the straight way between two positions, one of each piece into which the fence's faces cut it.
+
+    None where they do not cut it, and none for a cylinder, which is convex: there the two ends tell all.
+    """
+    if not fence.polygon_ne_m:
+        return ()
+    cuts = sorted(share for share in _cuts(fence, start_ned_m, end_ned_m) if 0.0 < share < 1.0)
+    (n, e, d), (dn, de, dd) = start_ned_m, (b - a for a, b in zip(start_ned_m, end_ned_m, strict=True))
+    middles = (0.5 * (a + b) for a, b in pairwise((0.0, *cuts, 1.0)) if cuts and b - a > _TOUCH)
+    return tuple((n + share * dn, e + share * de, d + share * dd) for share in middles)
+
+
+def _cuts(fence: Geofence, start_ned_m: Vec3, end_ned_m: Vec3) -> Iterator[float]:
+    """Shares of a straight way, beyond its ends too, at which it meets the edges, the floor and the ceiling."""
+    n, e, d = (p - a for p, a in zip(start_ned_m, fence.anchor_ned_m, strict=True))
+    dn, de, dd = (b - a for a, b in zip(start_ned_m, end_ned_m, strict=True))
+    if dd != 0.0:
+        yield (-fence.floor_m - d) / dd
+        yield (-fence.ceiling_m - d) / dd
+    corners = fence.polygon_ne_m
+    for (n0, e0), (n1, e1) in zip(corners, corners[1:] + corners[:1], strict=True):
+        across = dn * (e1 - e0) - de * (n1 - n0)
+        if across != 0.0 and -_TOUCH <= ((n0 - n) * de - (e0 - e) * dn) / across <= 1.0 + _TOUCH:
+            yield ((n0 - n) * (e1 - e0) - (e0 - e) * (n1 - n0)) / across
 
 
 def _polygon_excess(corners: tuple[tuple[float, float], ...], n: float, e: float) -> float:

@@ -15,6 +15,10 @@ def fenced(**fence: Any) -> dict[str, Any]:
     return {"safety": {"fence": {"radius_m": 20.0, **fence}}}
 
 
+def quick(**fence: Any) -> dict[str, Any]:
+    return {**fenced(**fence), "guidance": {"limits": {"speed_m_s": 8.0}}}
+
+
 def test_a_goal_outside_is_refused_while_the_one_inside_goes_on_from_a_moving_start() -> None:
     async def scenario(flight: Flight) -> None:
         await flight.airborne()
@@ -59,3 +63,52 @@ def test_wind_across_the_hard_fence_hands_the_vehicle_over() -> None:
         assert flight.sent[-1][0] < flight.now_s
 
     fly(scenario, config=fenced(hard_margin_m=1.0))
+
+
+# Two arms of 25 m to the north, and between them a gap of 30 m (5 to 35 m east) that is outside.
+U_SHAPE = [
+    [-20.0, -20.0],
+    [-20.0, 60.0],
+    [80.0, 60.0],
+    [80.0, 35.0],
+    [0.0, 35.0],
+    [0.0, 5.0],
+    [80.0, 5.0],
+    [80.0, -20.0],
+]
+
+
+@pytest.mark.parametrize("hold_s", [0.0, 900.0])
+def test_a_path_across_a_gap_of_the_fence_is_refused_however_long_it_rests(hold_s: float) -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne()
+        waypoints = [{"position": [60.0, 0.0, -5.0], "hold_s": hold_s}, {"position": [60.0, 40.0, -5.0]}]
+        with pytest.raises(ProtocolError, match=r"on the way: .* outside the fence's polygon"):
+            await flight.submit(path={"waypoints": waypoints})
+
+    fly(scenario, config=quick(polygon_ne_m=U_SHAPE))
+
+
+@pytest.mark.parametrize("turns", [1.0, 300.0])
+def test_a_shape_in_the_other_arm_of_the_fence_is_refused_however_many_its_turns(turns: float) -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne()
+        await flight.result(await flight.goto(60.0, -5.0, -5.0))
+        circle = {"kind": "circle", "center": [60.0, 47.0, -6.0], "radius_m": 4.0, "speed_m_s": 2.5, "turns": turns}
+        with pytest.raises(ProtocolError, match=r"on the way: .* outside the fence's polygon"):
+            await flight.submit(trajectory=circle)
+
+    fly(scenario, config=quick(polygon_ne_m=U_SHAPE))
+
+
+@pytest.mark.parametrize("turns", [1.0, 100.0])
+def test_the_overshoot_towards_a_shape_is_refused_however_many_its_turns(turns: float) -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne()
+        await flight.goto(49.0, 0.0, -5.0)
+        await flight.until(lambda: flight.position[0] > 43.0)
+        circle = {"kind": "circle", "center": [0.0, 0.0, -6.0], "radius_m": 10.0, "speed_m_s": 2.0, "turns": turns}
+        with pytest.raises(ProtocolError, match=r"on the way: .* outside the fence's radius"):
+            await flight.submit(trajectory=circle, limits={"acceleration_m_s2": 0.8})
+
+    fly(scenario, config=quick(radius_m=50.0))

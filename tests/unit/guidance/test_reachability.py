@@ -16,7 +16,7 @@ from daemon.guidance.goals import (
 )
 from daemon.guidance.heading import PointHeading
 from daemon.guidance.limits import MotionLimits
-from daemon.guidance.parameters import GuidanceParameters
+from daemon.guidance.parameters import GuidanceParameters, Profile
 from daemon.guidance.planner import plan
 from daemon.guidance.reachability import Reach, path_refusal, refusal
 from daemon.guidance.shapes import Circle, Lemniscate
@@ -118,6 +118,19 @@ def test_a_start_outside_of_the_fence_may_come_back_but_not_stay() -> None:
     for goal, taken in ((at(0.0, 0.0, -10.0), True), (HoldGoal(duration_s=1.0), False)):
         found = path_refusal(plan(outside, goal, REACH.limits, GuidanceParameters()), goal, REACH)
         assert (found is None) is taken
+
+
+def test_what_lies_between_the_places_of_a_straight_way_is_asked_for() -> None:
+    """A wall 1 m thick across a leg of 40 m, of which the plan names the two ends only."""
+
+    def wall(position: Vec3) -> tuple[int, str] | None:
+        return (0, "in the wall") if 20.0 < position[0] < 21.0 else None
+
+    reach = Reach(limits=MotionLimits(), fence=wall, between=lambda start, _end: ((20.5, 0.0, start[2]),))
+    goal = at(40.0, 0.0, -10.0)
+    found = path_refusal(plan(START, goal, reach.limits, GuidanceParameters(profile=Profile.JERK_LIMITED)), goal, reach)
+    assert found is not None
+    assert found.reason == "on the way: in the wall"
 
 
 def test_a_polynomial_that_grows_beyond_the_limits_is_refused() -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.safety.geofence import Geofence, excess_m, violation
+from daemon.safety.geofence import Geofence, between, excess_m, violation
 
 CYLINDER = Geofence(anchor_ned_m=(10.0, 20.0, 1.0), radius_m=50.0, floor_m=0.5, ceiling_m=30.0)
 # An L: the notch north-east of (50, 50) is outside.
@@ -56,6 +56,45 @@ def test_reasons_name_the_axis_and_the_bound() -> None:
     axis, reason = violation(L_SHAPE, (80.0, 60.0, -1.0)) or (None, "")
     assert axis == 0
     assert "10.0 m outside" in reason
+
+
+@given(coordinates, coordinates, coordinates, coordinates)
+def test_a_straight_way_is_outside_nowhere_when_it_is_not_at_its_ends_and_between(
+    n0: float, e0: float, n1: float, e1: float
+) -> None:
+    """Against 1000 places of the way; those nearer to the edge than 1 mm are anybody's."""
+    start, end = (n0, e0, -5.0), (n1, e1, -20.0)
+    looked_at = [excess_m(L_SHAPE, place) > 0.0 for place in (start, *between(L_SHAPE, start, end), end)]
+    shares = [i / 999.0 for i in range(1000)]
+    along = [
+        excess
+        for share in shares
+        if abs(excess := excess_m(L_SHAPE, (n0 + share * (n1 - n0), e0 + share * (e1 - e0), -10.0))) > 1e-3
+    ]
+    assert any(looked_at) or all(excess < 0.0 for excess in along)
+    assert not all(looked_at) or all(excess > 0.0 for excess in along)
+
+
+def test_the_pieces_of_a_way_across_the_notch_in_order() -> None:
+    pieces = between(L_SHAPE, (90.0, 40.0, -5.0), (40.0, 90.0, -5.0))  # the notch from (80, 50) to (50, 80)
+    expected = ((85.0, 45.0, -5.0), (65.0, 65.0, -5.0), (45.0, 85.0, -5.0))
+    assert all(piece == pytest.approx(place) for piece, place in zip(pieces, expected, strict=True))
+    assert between(L_SHAPE, (10.0, 10.0, -5.0), (20.0, 90.0, -25.0)) == ()
+    assert between(CYLINDER, (100.0, 20.0, -5.0), (-100.0, 20.0, -5.0)) == ()
+
+
+def test_a_way_along_edges_and_through_corners_is_cut_where_it_leaves() -> None:
+    u = Geofence(polygon_ne_m=((0, 0), (0, 90), (50, 90), (50, 60), (10, 60), (10, 30), (50, 30), (50, 0)))
+    along = between(u, (50.0, 10.0, 0.0), (50.0, 80.0, 0.0))  # on the ends of both arms, across the gap
+    assert [violation(u, place) is None for place in along] == [True, False, True]
+    through = between(L_SHAPE, (0.0, 100.0, 0.0), (100.0, 0.0, 0.0))  # touches the notch's corner, stays inside
+    assert all(violation(L_SHAPE, place) is None for place in through)
+
+
+def test_a_way_from_below_the_floor_is_looked_at_from_where_it_comes_inside() -> None:
+    raised = Geofence(polygon_ne_m=L_SHAPE.polygon_ne_m, floor_m=2.0, ceiling_m=30.0)
+    pieces = between(raised, (90.0, 40.0, 0.0), (40.0, 90.0, -20.0))
+    assert [violation(raised, place) is None for place in pieces] == [False, True, False, True]
 
 
 @given(coordinates, coordinates, coordinates)
