@@ -6,7 +6,7 @@ of now in ``forward_heading``.
 
 from dataclasses import dataclass
 from enum import Enum
-from math import atan2, hypot
+from math import asin, atan2, hypot
 
 from daemon.frames import conjugate, from_yaw, multiply, norm, subtract, yaw_of
 from daemon.messages import Quat, Vec3
@@ -35,7 +35,10 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class PoseError:
-    """What is left to a goal: distance, angle, and both in one norm (metres and radians), as the mode counts them."""
+    """What is left to a goal as the mode counts it: distance, angle, and both in one norm.
+
+    ``combined`` holds 2 sin of half the angle beside the metres, as the original's threshold does.
+    """
 
     position_m: float
     angle_rad: float
@@ -63,18 +66,17 @@ def goal_pose(mode: WaypointMode, wanted: Pose, now: Pose) -> Pose:
 def pose_error(mode: WaypointMode, measured: Pose, goal: Pose) -> PoseError:
     """Error of a measured pose against the goal's, of the axes that the mode determines.
 
-    The angle is ``|2 vec(q_measured^-1 q_goal)|`` or its z part; that is 2 sin of half the angle.
+    The vector part of the turn between them, ``q_measured^-1 q_goal``, or the z part of it, is sin of half the angle.
     """
     ex, ey, ez = subtract(measured.position_ned_m, goal.position_ned_m)
     turn = multiply(conjugate(measured.attitude_wb), goal.attitude_wb)
-    turn_x, turn_y, turn_z = 2.0 * turn[1], 2.0 * turn[2], 2.0 * turn[3]
-    position, angle = norm((ex, ey, ez)), abs(turn_z)
+    position, half_sine = norm((ex, ey, ez)), abs(turn[3])
     if mode is WaypointMode.FULL_POSE:
-        angle = norm((turn_x, turn_y, turn_z))
+        half_sine = norm(turn[1:])
     elif mode is WaypointMode.ONLY_POSITION:
-        angle = 0.0
+        half_sine = 0.0
     elif mode is WaypointMode.ONLY_ORIENTATION:
-        position, angle = 0.0, norm((turn_x, turn_y, turn_z))
+        position, half_sine = 0.0, norm(turn[1:])
     elif mode is WaypointMode.XY_AND_YAW:
         position = hypot(ex, ey)
-    return PoseError(position, angle, hypot(position, angle))
+    return PoseError(position, 2.0 * asin(min(1.0, half_sine)), hypot(position, 2.0 * half_sine))

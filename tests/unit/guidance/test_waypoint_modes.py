@@ -1,8 +1,9 @@
 """Which pose each mode takes and which error it counts."""
 
-from math import hypot, pi, sin, sqrt
+from math import degrees, hypot, pi, radians, sin, sqrt
 
 import pytest
+from scipy.spatial.transform import Rotation
 
 from daemon.frames import from_rpy, from_yaw, to_rpy, yaw_of
 from daemon.guidance.convergence import Threshold, Tolerance, converged
@@ -59,7 +60,7 @@ def test_error_of_each_mode(mode: WaypointMode, combined: float) -> None:
 
 def test_tilt_counts_only_where_the_whole_orientation_does() -> None:
     tilted = Pose((0.0, 0.0, 0.0), from_rpy(0.2, 0.0, 0.0))
-    assert pose_error(WaypointMode.FULL_POSE, tilted, GOAL).angle_rad == pytest.approx(2.0 * sin(0.1))
+    assert pose_error(WaypointMode.FULL_POSE, tilted, GOAL).angle_rad == pytest.approx(0.2)
     assert pose_error(WaypointMode.POSITION_AND_YAW, tilted, GOAL).angle_rad == pytest.approx(0.0, abs=1e-12)
 
 
@@ -95,5 +96,24 @@ def test_each_tolerance_counts(error: PoseError, speed: float) -> None:
     assert converged(Tolerance(dwell_s=0.0), None, error, speed, 0.0) == (None, False)
 
 
-def test_error_of_half_a_turn_is_two() -> None:
-    assert pose_error(WaypointMode.POSITION_AND_YAW, Pose((0.0, 0.0, 0.0), from_yaw(pi)), GOAL).angle_rad == 2.0
+@pytest.mark.parametrize("off_deg", [0.0, 1.0, 45.0, 90.0, 120.0, -179.0, 180.0])
+@pytest.mark.parametrize("mode", [WaypointMode.FULL_POSE, WaypointMode.ONLY_ORIENTATION, WaypointMode.POSITION_AND_YAW])
+def test_the_angle_is_that_of_the_turn_that_is_left(mode: WaypointMode, off_deg: float) -> None:
+    """The one norm of position and angle keeps the original's 2 sin of half of it."""
+    error = pose_error(
+        mode, Pose((0.0, 0.0, 0.0), from_yaw(0.7 + radians(off_deg))), Pose((0.0, 0.0, 0.0), from_yaw(0.7))
+    )
+    assert degrees(error.angle_rad) == pytest.approx(abs(off_deg), abs=1e-6)
+    assert error.combined == pytest.approx(2.0 * sin(radians(abs(off_deg)) / 2.0), abs=1e-12)
+
+
+def test_the_angle_of_a_tilt_and_a_turn_is_that_of_both() -> None:
+    measured = Pose((0.0, 0.0, 0.0), from_rpy(0.4, -0.8, 2.0))
+    expected = Rotation.from_euler("ZYX", [2.0, -0.8, 0.4]).magnitude()
+    assert pose_error(WaypointMode.FULL_POSE, measured, GOAL).angle_rad == pytest.approx(expected)
+
+
+def test_a_tolerance_of_115_degrees_is_not_met_at_any_heading() -> None:
+    error = pose_error(WaypointMode.POSITION_AND_YAW, Pose((0.0, 0.0, 0.0), from_yaw(pi)), GOAL)
+    wide = Tolerance(angle_rad=radians(115.0), dwell_s=0.0)
+    assert converged(wide, None, error, 0.0, 0.0) == (None, False)
