@@ -199,3 +199,26 @@ def test_a_stream_takes_references_from_its_own_connection_and_within_limits_onl
             assert error.value.field == field
 
     fly(scenario)
+
+
+def test_a_stream_of_wild_jerks_and_yaw_rates_is_followed_within_the_limits() -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne(20.0)
+        goal_id = await flight.submit(stream={"timeout_s": 2.0})
+        good = {"goal_id": goal_id, "position": [0.0, 0.0, -20.0], "velocity": [0.0, 0.0, 0.0], "yaw_deg": 0.0}
+        for i in range(40):
+            sign = 1.0 if i % 20 < 10 else -1.0
+            wild = {"jerk": [500.0 * sign, 500.0, -500.0 * sign], "yaw_rate_deg_s": 500.0 * sign}
+            flight.service.reference_set(ReferenceSet.model_validate(good | wild), CALLER)
+            await asyncio.sleep(0.1 if i % 2 else 0.9)
+        limits = flight.vehicle.parameters.value.limits
+        flown = [r.reference for r in flight.records if r.reference is not None]
+        assert max(hypot(*r.velocity_ned_m_s[:2]) for r in flown) <= limits.speed_m_s * 1.001
+        assert max(r.velocity_ned_m_s[2] for r in flown) <= limits.descent_m_s * 1.001
+        assert max(hypot(*r.acceleration_ned_m_s2[:2]) for r in flown) <= limits.acceleration_m_s2 * 1.001
+        assert max(hypot(*r.jerk_ned_m_s3[:2]) for r in flown) <= limits.jerk_m_s3 * 1.001
+        assert max(abs(r.yaw_rate_rad_s) for r in flown) <= limits.yaw_rate_rad_s * 1.001
+        assert max(hypot(*r.velocity_ned_m_s[:2]) for r in flown) > 2.0
+        assert max(abs(r.yaw_rate_rad_s) for r in flown) > 0.5
+
+    fly(scenario)
