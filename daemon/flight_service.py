@@ -19,9 +19,11 @@ from daemon.loops.commander import Commander, NotPossibleError
 from daemon.loops.goal_book import GoalEntry
 from daemon.loops.goal_order import Progress
 from daemon.loops.vehicle import Vehicle
-from daemon.messages import LandedState
+from daemon.messages import FlightMode, LandedState
 from daemon.reports import Reports, goal_feedback, goal_record
 from daemon.safety.supervisor import FLYING, State
+
+LEFT_BY_A_LANDING = frozenset({FlightMode.OFFBOARD, FlightMode.LAND, FlightMode.RETURN})
 
 log = logs.get("service")
 
@@ -70,7 +72,14 @@ class Service:
 
     async def vehicle_arm(self, params: methods.NoParams, caller: Caller) -> results.VehicleDone:
         """See ``FlightService``."""
-        return await self._done(self._commander.arm)
+        try:
+            return await self._done(self._commander.arm)
+        except ProtocolError as error:
+            mode = self._vehicle.autopilot.status.value.mode
+            if error.code is not ErrorCode.AUTOPILOT_REFUSED or mode not in LEFT_BY_A_LANDING:
+                raise
+            hint = f"the mode is still {mode.value}: vehicle.takeoff goes to Hold first, vehicle.arm does not"
+            raise ProtocolError(error.code, f"{error.reason}; {hint}") from None
 
     async def vehicle_disarm(self, params: methods.NoParams, caller: Caller) -> results.VehicleDone:
         """See ``FlightService``."""
@@ -256,7 +265,9 @@ class Service:
         try:
             await self._commander.engage_pending(lambda: self._vehicle.trajectory.goal_id == goal_id)
         except (NotPossibleError, CommandRefusedError, CommandTimeoutError, NotConnectedError) as error:
-            self._vehicle.trajectory.abort(goal_id, f"engage_refused: {error}")
+            if self._vehicle.trajectory.goal_id == goal_id:
+                self._journal.event("engage_refused", str(error), goal_id)
+            self._vehicle.trajectory.abort(goal_id, "engage_refused")
 
     def _place(self) -> orders.Place:
         record = self._vehicle.control.record.value

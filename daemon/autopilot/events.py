@@ -168,4 +168,4 @@ class Reasons:
         state = _NAVIGATION_STATE.get(mode)
         recent = [text for time_s, text in self._recent if now_s - time_s <= self.MEMORY_S]
         standing = [text for text, states in self._checks.items() if state is not None and states >> state & 1]
-        return "; ".join([result_text(result), *recent, *standing])
+        return "; ".join(dict.fromkeys([result_text(result), *recent, *standing]))

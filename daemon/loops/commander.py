@@ -17,6 +17,7 @@ from daemon.messages import FlightMode, LandedState, RequestKind, SystemStatus, 
 from daemon.pipeline import Record
 from daemon.safety.conditions import PILOT_MODES
 from daemon.safety.dead_man import SetpointGate
+from daemon.safety.reasons import REASONS
 from daemon.safety.supervisor import FLYING, OURS, State
 
 POLL_S = 0.02
@@ -131,9 +132,18 @@ class Commander:
             self._gate.unlatch()
             self._post(RequestKind.ENGAGE)
             await self._wait(wanted, lambda: self.state in OURS, 0.5, "engaging")
-        await self._wait(wanted, lambda: self.state is not State.ENGAGING, self._timeouts.engage_s, "engaged")
+        words = ""
+
+        def ended() -> bool:
+            nonlocal words
+            refusal = self._autopilot.status.value.mode_refusal
+            if refusal is not None and refusal.mode is FlightMode.OFFBOARD:
+                words = f" ({refusal.reason})"
+            return self.state is not State.ENGAGING
+
+        await self._wait(wanted, ended, self._timeouts.engage_s, "engaged")
         if self.state not in FLYING:
-            raise CommandRefusedError(f"engage ended in state {self.state.value}: {self._reason()}")
+            raise CommandRefusedError(f"engage ended in state {self.state.value}: {self._reason()}{words}")
 
     def require_engageable(self) -> None:
         """Raise ``NotPossibleError`` with what is missing, unless the vehicle could be engaged now."""
@@ -228,9 +238,9 @@ class Commander:
         """Command and acknowledgement; what came of it does not count when the request was superseded meanwhile."""
         try:
             await self._autopilot.command(command, self._timeouts.acknowledge_s)
-        except LinkError:
+        except LinkError as error:
             _require_wanted(self._turn == turn)
-            raise
+            raise type(error)(f"{command.kind.value}: {error}") from None
         _require_wanted(self._turn == turn)
 
     def _post(self, kind: RequestKind) -> None:
@@ -251,13 +261,14 @@ class Commander:
         if not status.armed or status.landed is LandedState.ON_GROUND:
             raise NotPossibleError(f"cannot {what}: the vehicle is not in the air")
         if status.mode in PILOT_MODES:
-            raise NotPossibleError(f"cannot {what}: a pilot flies in mode {status.mode.value}")
+            failsafe = self._record.value is not None and self._record.value.conditions.failsafe
+            who = "a failsafe of the autopilot acts," if failsafe else "a pilot flies"
+            raise NotPossibleError(f"cannot {what}: {who} in mode {status.mode.value}")
 
     def _reason(self) -> str:
         record = self._record.value
-        refusal = self._autopilot.status.value.mode_refusal
-        text = record.supervision.reason if record else "no autopilot"
-        return f"{text} ({refusal.reason})" if refusal and text == "engage_refused" else text
+        reason = record.supervision.reason if record else "link_lost"
+        return REASONS.get(reason, reason)
 
     async def _until_mode(self, turn: int, mode: FlightMode) -> None:
         since_s = asyncio.get_running_loop().time()

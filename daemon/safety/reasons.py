@@ -14,7 +14,7 @@ REASONS = {
     "pilot_override": "somebody else changed the mode",
     "requested": "as requested",
     "engaged": "the vehicle is under the daemon's control",
-    "engage_refused": "the autopilot did not go into offboard",
+    "engage_refused": "the autopilot did not go to offboard within 2 s",
     "released": "the vehicle is in Hold, as asked",
     "released_to_land": "the vehicle was handed over to land",
     "release_failed": "the autopilot took neither Hold nor Land; the daemon is silent, the autopilot's failsafe acts",

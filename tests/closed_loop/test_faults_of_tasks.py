@@ -117,18 +117,12 @@ def test_a_trajectory_task_that_stalls_leaves_a_vehicle_that_brakes_and_holds() 
     fly(scenario)
 
 
-@pytest.mark.parametrize(
-    ("fault", "words"),
-    [
-        (ModesRefused(modes=("offboard",)), "engage_refused"),
-        (ModesRefused(modes=("offboard", "hold")), "engage_refused"),
-    ],
-)
-def test_a_refused_offboard_ends_in_silence_and_hold_with_the_reason(fault: Fault, words: str) -> None:
+@pytest.mark.parametrize("fault", [ModesRefused(modes=("offboard",)), ModesRefused(modes=("offboard", "hold"))])
+def test_a_refused_offboard_ends_in_silence_and_hold_with_the_reason(fault: Fault) -> None:
     async def scenario(flight: Flight) -> None:
         await flight.airborne(engage=False)
         flight.px4.inject(fault)
-        with pytest.raises(CommandRefusedError, match=words):
+        with pytest.raises(CommandRefusedError, match="did not go to offboard"):
             await flight.vehicle.commander.engage()
         count = len(flight.sent)
         since_s = flight.now_s

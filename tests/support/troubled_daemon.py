@@ -1,8 +1,8 @@
 """``flightd run`` that gets into trouble on request: ``python troubled_daemon.py CONNECTION SOCKET [CONFIG]``.
 
 SIGUSR1 begins what $TROUBLE names: ``loop_blocked`` and ``interpreter_held`` last $BLOCK_S seconds, ``disk_full`` and
-``read_only`` stay, ``reads_file`` reads files in the loop, ``link_dies`` lets the link's task die. While setpoints leave, calls that wait on the loop's thread
-are logged as ``blocking_call``.
+``read_only`` stay, ``reads_file`` reads files in the loop, ``link_dies`` lets the link's task die. While setpoints
+leave, calls that wait on the loop's thread are logged as ``blocking_call``.
 """
 
 import asyncio

@@ -161,3 +161,12 @@ def test_a_refusal_names_only_the_checks_that_forbid_the_mode() -> None:
     assert reasons.why(1, FlightMode.OFFBOARD, 3.0) == "temporarily rejected; no offboard signal"
     reasons.note(events.decode({"id": 27825120, "arguments": "00"}), 4.0)
     assert reasons.why(2, FlightMode.OFFBOARD, 4.0) == "denied"
+
+
+def test_what_the_autopilot_says_twice_is_told_once() -> None:
+    reasons = events.Reasons()
+    for time_s in (2.0, 2.05):
+        reasons.note(events.decode({"id": 16910493, "arguments": ""}), time_s)
+    assert reasons.why(1, FlightMode.HOLD, 2.1) == (
+        "temporarily rejected; arming denied: resolve system health failures first"
+    )

@@ -22,7 +22,7 @@ def test_an_engage_that_the_autopilot_refuses_says_why() -> None:
             vehicle.later(0.5, State.READY, "engage_refused")
 
         answers(vehicle, {RequestKind.ENGAGE: engage})
-        with pytest.raises(CommandRefusedError, match=r"state ready: engage_refused \(no offboard signal\)"):
+        with pytest.raises(CommandRefusedError, match=r"did not go to offboard within 2 s \(no offboard signal\)"):
             await vehicle.commander.engage()
 
     play(scenario, AIR, State.READY)
@@ -90,6 +90,15 @@ def test_what_does_not_fit_the_state_is_refused_in_words(
     ask: Callable[[Commander], Awaitable[None]], status: AutopilotStatus, state: State, words: str
 ) -> None:
     refused(words, status, state, ask)
+
+
+def test_a_failsafe_that_has_the_vehicle_is_not_called_a_pilot() -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        vehicle.see(failsafe=True)
+        with pytest.raises(NotPossibleError, match="cannot hold: a failsafe of the autopilot acts, in mode position"):
+            await vehicle.commander.hold()
+
+    play(scenario, replace(AIR, mode=FlightMode.POSITION, intended_mode=FlightMode.OFFBOARD), State.FAULT)
 
 
 def test_a_mode_that_the_autopilot_refuses_is_told_in_its_words() -> None:
