@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from math import atan2, degrees
 from typing import Annotated, Any, Literal
 
@@ -14,6 +15,8 @@ def _number(low: float, high: float, unit: str | None, settable: bool = False) -
     return Field(ge=low, le=high, json_schema_extra={"unit": unit, "settable": settable})
 
 
+# What MAVSDK takes; others it refuses each time anew, at run time.
+_CONNECTION = re.compile(r"(udp|tcp)://\S*:\d+|(udp|tcp)(in|out)://\S+:\d+|serial(_flowcontrol)?://\S+:\d+")
 DEFAULT_HOVER_THRUST = 0.5  # until the autopilot tells its own
 _DEAD_TIME_S = 0.03  # of PX4 and its rotors, from the command to the first of it
 
@@ -49,8 +52,16 @@ def _each(low: float, high: float, unit: str, settable: bool = False) -> Any:
 class Link(Section):
     """The link to the autopilot."""
 
-    connection: str = Field("udpin://0.0.0.0:14540", min_length=1)
+    connection: str = "udpin://0.0.0.0:14540"
     lost_s: float = _number(0.2, 5.0, "s")
+
+    @field_validator("connection")
+    @classmethod
+    def _is_url(cls, value: str) -> str:
+        if not _CONNECTION.fullmatch(value):
+            examples = "udpin://0.0.0.0:14540, tcpout://10.0.0.1:5760 or serial:///dev/ttyAMA0:921600"
+            raise ValueError(f"{value!r} is no connection such as {examples}")
+        return value
 
 
 class Loops(Section):

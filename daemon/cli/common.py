@@ -60,9 +60,12 @@ class NumbersCommand(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Hide the sign of negative numbers from the option parser; `number` reads it."""
-        return super().parse_args(
-            ctx, [NEGATIVE_NUMBER.sub(MINUS, arg, count=1) if _negative(arg) else arg for arg in args]
-        )
+        hidden = [NEGATIVE_NUMBER.sub(MINUS, arg, count=1) if _negative(arg) else arg for arg in args]
+        try:
+            return super().parse_args(ctx, hidden)
+        except typer.BadParameter as error:
+            error.message = error.message.removeprefix("Value error, ")  # pydantic's, by which typer checks choices
+            raise
 
 
 def _negative(arg: str) -> bool:

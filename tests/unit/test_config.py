@@ -60,6 +60,10 @@ def test_each_shipped_file_is_good_and_gives_parameters(file: Path) -> None:
         ("safety:\n  coast_s: 0.5\n", ["safety", "coast_s 0.5 is not below lost_s 0.5"]),
         ("safety:\n  fence:\n    floor_m: 200\n", ["safety.fence", "floor_m 200 is not below ceiling_m 120"]),
         ("safety:\n  fence:\n    polygon_ne_m: [[0, 0], [1, 1]]\n", ["three corners"]),
+        ("link:\n  connection: foo://bar\n", ["link.connection", "'foo://bar'", "udpin://0.0.0.0:14540"]),
+        ("link:\n  connection: udpin://127.0.0.1\n", ["link.connection"]),
+        ("link:\n  connection: udpin://:14540\n", ["link.connection"]),
+        ("link:\n  connection: serial:///dev/ttyAMA0\n", ["link.connection"]),
         ("- a\n", ["own.yaml", "sections"]),
         ("a: [\n", ["own.yaml", "not YAML"]),
     ],
@@ -69,6 +73,20 @@ def test_a_bad_file_is_refused_in_words(tmp_path: Path, text: str, words: list[s
         load([written(tmp_path, text)])
     for word in words:
         assert word in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "udp://:14540",
+        "udpout://px4.local:14540",
+        "tcpin://0.0.0.0:5760",
+        "tcp://10.0.0.1:5760",
+        "serial:///dev/tty0:9600",
+    ],
+)
+def test_each_kind_of_connection_is_taken(url: str) -> None:
+    assert load([], {"link": {"connection": url}}).link.connection == url
 
 
 def test_all_faults_are_told_at_once(tmp_path: Path) -> None:

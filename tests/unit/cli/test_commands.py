@@ -135,3 +135,15 @@ def test_help_shows_an_example_and_the_exit_codes(flightd, name):
     shown = flightd(name, "--help").out
     assert f"flightd {name}" in shown
     assert "5 no daemon" in " ".join(shown.split())
+
+
+def test_a_word_that_is_not_one_of_the_choices_is_refused_in_words_of_the_command_line(flightd):
+    done = flightd("goto", 1, 0, -5, "--mode", "foo")
+    assert done.returncode == 2
+    assert "Invalid value for '--mode': 'foo' is not one of 'full_pose'" in " ".join(done.err.split())
+
+
+def test_run_refuses_a_connection_that_is_none(flightd):
+    done = flightd("run", "--connection", "foo://bar")
+    assert done.returncode == 2
+    assert "link.connection: 'foo://bar' is no connection" in done.err
