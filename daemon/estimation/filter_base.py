@@ -83,7 +83,8 @@ class Measurement:
 class Correction:
     """What became of a measurement, for record and debugging.
 
-    ``refused``: None when accepted, else empty, stamp, covariance, singular, mahalanobis, diverged, too_old.
+    ``refused``: None when accepted, else empty, stamp, covariance, unpredicted, singular, mahalanobis, diverged,
+    too_old.
     ``indices`` are the places that were used: values that are not finite are left out.
     """
 
@@ -154,7 +155,7 @@ def process_noise(state: FilterState, parameters: FilterParameters) -> Matrix:
 def predict(state: FilterState, to_s: float, parameters: FilterParameters) -> FilterState:
     """The state carried to ``to_s`` by the motion model and the control term.
 
-    Where that would not be finite, the estimate stays as it is and only the stamp moves.
+    Where that would not be finite, the same state comes back, its stamp unmoved.
     """
     dt_s = validate_delta(to_s - state.stamp_s, parameters)
     if dt_s == 0.0:
@@ -165,7 +166,7 @@ def predict(state: FilterState, to_s: float, parameters: FilterParameters) -> Fi
     x, P = parameters.predictor(state.x, state.P, dt_s, acceleration, process_noise(state, parameters) * dt_s)
     P.ravel()[:: STATE_SIZE + 1] += parameters.covariance_epsilon
     if not _is_sound(x, P):
-        return replace(state, stamp_s=to_s)
+        return state
     return replace(state, x=frozen(x), P=frozen(P), predicted_x=x, stamp_s=to_s)
 
 
@@ -207,12 +208,18 @@ def correct(state: FilterState, measurement: Measurement) -> tuple[FilterState, 
 def process(
     state: FilterState, measurement: Measurement, parameters: FilterParameters
 ) -> tuple[FilterState, Correction]:
-    """One cycle: predict to the measurement's stamp when that lies ahead, then correct. The first one initializes."""
+    """One cycle: predict to the measurement's stamp when that lies ahead, then correct. The first one initializes.
+
+    A state that cannot be predicted takes no measurement: it would be believed as if no time had gone by.
+    """
     if not isfinite(measurement.stamp_s):
         return state, Correction(measurement.source, measurement.stamp_s, "stamp")
     if not state.initialized:
         return _initialize(state, measurement)
-    return correct(predict(state, measurement.stamp_s, parameters), measurement)
+    predicted = predict(state, measurement.stamp_s, parameters)
+    if predicted is state and validate_delta(measurement.stamp_s - state.stamp_s, parameters) > 0.0:
+        return state, Correction(measurement.source, measurement.stamp_s, "unpredicted")
+    return correct(predicted, measurement)
 
 
 def advance(state: FilterState, now_s: float, parameters: FilterParameters) -> FilterState:

@@ -50,7 +50,8 @@ class FusionParameters:
     """The filter, and how far each source is believed (variances are floors; gates in sigmas of a whole message).
 
     ``odometry_axes``: update vector over position, roll-pitch-yaw, velocity, rates. Leave its position out when poses
-    from outside shall rule alone. ``restart_s``: when no odometry was accepted for so long, the filter starts anew.
+    from outside shall rule alone. ``restart_s``: when no odometry was accepted for so long, the filter starts anew, and
+    at once when it cannot be predicted any more.
     ``history_s``: how late a pose may come; each sample that it is late costs a replay, as much as a sample taken.
     """
 
@@ -140,7 +141,8 @@ def _take_odometry(
         taken, corrections = take(state.lagged, measurement, parameters.filter, parameters.history_s)
         if corrections[0].refused is None:
             return replace(state, lagged=taken, sample=sample, odometry_accepted_s=now_s), corrections, False
-        if not newest.initialized or now_s - state.odometry_accepted_s < parameters.restart_s:
+        waits = now_s - state.odometry_accepted_s < parameters.restart_s
+        if not newest.initialized or (waits and corrections[0].refused != "unpredicted"):
             return replace(state, lagged=taken, sample=sample), corrections, False
     fresh = LaggedState(replace(filter_base.initial(parameters.filter), control=newest.control))
     taken, corrections = take(fresh, measurement, parameters.filter, parameters.history_s)

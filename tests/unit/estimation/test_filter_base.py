@@ -162,7 +162,7 @@ def test_epsilon_goes_onto_the_diagonal_of_each_prediction():
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-def test_a_prediction_that_overflows_leaves_the_estimate():
+def test_a_prediction_that_overflows_leaves_the_estimate_and_takes_no_measurement():
     x = [0.0] * 15
     x[12] = 1e308
     before = started(x)
@@ -170,7 +170,10 @@ def test_a_prediction_that_overflows_leaves_the_estimate():
     after = predict(before, 1e5, parameters)
     assert after.x is before.x
     assert after.P is before.P
-    assert after.stamp_s == 1e5
+    assert after.stamp_s == 0.0
+    state, record = process(before, direct([0], [5.0], stamp_s=1e5), parameters)
+    assert record.refused == "unpredicted"
+    assert (state.x[0], state.stamp_s) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -180,6 +183,12 @@ def test_a_prediction_that_overflows_leaves_the_estimate():
 def test_an_impossible_state_set_by_hand_is_refused(x, P):
     with pytest.raises(ValueError, match="filter"):
         with_state(initial(PARAMETERS), x, P)
+
+
+def test_a_state_set_by_hand_before_any_measurement_takes_the_first():
+    state, record = process(with_state(initial(PARAMETERS), [0.0] * 15, np.eye(15)), direct([0], [5.0]), PARAMETERS)
+    assert record.refused is None
+    assert state.x[0] == pytest.approx(5.0, abs=0.1)
 
 
 def test_a_state_set_by_hand_has_wrapped_angles():

@@ -287,6 +287,22 @@ def test_after_a_long_gap_it_starts_anew():
     assert fused.estimate.position_ned_m == pytest.approx(truth(3.0).position_ned_m)
 
 
+def test_a_filter_that_cannot_predict_starts_anew_at_once():
+    def broken(x, P, dt_s, acceleration, noise):
+        return x * np.nan, P.copy()
+
+    state, _ = fly(fusion.initial(PARAMETERS), [0.01 * k for k in range(1, 101)])
+    parameters = replace(PARAMETERS, filter=flight_filter(broken))
+    far = replace(truth(1.01), position_ned_m=(7.0, 8.0, 9.0))
+    state, fused = fusion.step(state, far, None, acceleration(1.01), 1.02, parameters=parameters)
+    assert fused.restarted
+    assert fused.estimate.time_s == 1.01
+    assert fused.estimate.position_ned_m == (7.0, 8.0, 9.0)
+    _, fused = fusion.step(state, None, pose(1.015), acceleration(1.02), 1.03, parameters=parameters)
+    assert [c.refused for c in fused.corrections] == ["unpredicted"]
+    assert fused.estimate.time_s == 1.01
+
+
 def test_the_same_sample_counts_once():
     state, _ = fly(fusion.initial(PARAMETERS), [0.01, 0.02], poses={0.02: pose(0.015)})
     assert state.pose is not None

@@ -12,6 +12,7 @@ from daemon.estimation.ukf import Unscented
 
 Z = [0.15 * i for i in range(15)]
 PARAMETERS = FilterParameters(predictor=Unscented(alpha=1e-3, kappa=0.0, beta=2.0))
+ORIGINAL = FilterParameters(predictor=Unscented(alpha=1e-3, kappa=0.0, beta=2.0, circular_mean=True))
 ALL = [True] * 15
 
 
@@ -21,7 +22,7 @@ def started(parameters=PARAMETERS, variance=0.5):
 
 
 def test_predicted_numbers():
-    state = predict(started(), 0.1, PARAMETERS)
+    state = predict(started(), 0.1, ORIGINAL)
     expected = [0.0313150152456, 0.210992036382, 0.32716443995, 0.832147962651, 0.641802547246, 1.09114728587]
     np.testing.assert_allclose(state.x[:6], expected, rtol=0, atol=1e-9)
     diagonal = [0.541291396005, 0.53915526676, 0.533356521334, 0.630260758798, 0.53202702012, 0.548983434334]
@@ -79,9 +80,32 @@ def test_random_sequences_as_filterpy(seed):
         oracle.update(z[places], R=R[np.ix_(places, places)])
         state, record = process(state, partial(k * dt, z, R, [i in places for i in range(15)]), parameters)
         assert record.refused is None
-        # filterpy averages angles as numbers, not on the circle: third order in a spread of 0.05 rad
-        np.testing.assert_allclose(state.x, oracle.x, rtol=0, atol=2e-4)
-        np.testing.assert_allclose(state.P, oracle.P, rtol=0, atol=2e-4)
+        np.testing.assert_allclose(state.x, oracle.x, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(state.P, oracle.P, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("variance", [1.0, 2.0, 2.5, 10.0, 1e4])
+def test_angles_of_which_little_is_known_are_predicted_as_the_ekf_does(variance):
+    """At rest in every axis the model's second order adds nothing to the mean; the rest is the same propagation."""
+    P = np.diag([0.01] * 3 + [variance] * 3 + [0.01] * 9)
+    states = []
+    for predictor in (PARAMETERS.predictor, ekf.predict):
+        parameters = FilterParameters(predictor=predictor)
+        before = replace(with_state(initial(parameters), [0.0] * 15, P), stamp_s=0.0)
+        states.append(predict(before, 0.01, parameters))
+    ours, theirs = states
+    assert ours.stamp_s == 0.01
+    np.testing.assert_allclose(ours.x, theirs.x, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(ours.P.diagonal(), theirs.P.diagonal(), rtol=1e-3 * variance)
+    assert np.linalg.eigvalsh(ours.P).min() > 0.005
+
+
+@pytest.mark.parametrize("variance", [0.5, 2.0, 10.0, 1e4])
+def test_a_state_of_which_little_is_known_keeps_a_covariance(variance):
+    after = predict(started(variance=variance), 0.1, PARAMETERS)
+    assert after.stamp_s == 0.1
+    assert np.linalg.eigvalsh(after.P).min() > 0.7 * variance
+    assert np.abs(after.x[3:6]).max() <= np.pi
 
 
 def test_angles_average_on_the_circle():
