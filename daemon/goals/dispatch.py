@@ -94,13 +94,13 @@ class Dispatcher:
     def _answer_now(self, session: Session, item: Call | Refusal) -> bytes | None:
         """Reply to what needs no task: a refusal, or a notification (None: reported as an event if it failed)."""
         if isinstance(item, Call):
-            error = self._notify(session, item)
+            error, goal_id = self._notify(session, item), getattr(item.params, "goal_id", None)
         elif item.reply:
             return encode_error(item.id, item.error)
         else:
-            error = item.error
+            error, goal_id = item.error, item.goal_id
         if error is not None:
-            payload = event_payload("refused", str(error), field=error.field)
+            payload = event_payload("refused", str(error), goal_id, error.field, error=int(error.code))
             session.send(encode_notification("telemetry.events", payload), essential=False)
         return None
 

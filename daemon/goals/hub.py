@@ -220,7 +220,15 @@ def event_payload(
     goal_id: str | None = None,
     field: str | None = None,
     reset: ResetReport | None = None,
+    error: int | None = None,
 ) -> EventTelemetry:
     """An event that happens now."""
-    time_s = asyncio.get_running_loop().time()
-    return {"time_s": time_s, "code": code, "text": text, "goal_id": goal_id, "field": field, "reset": reset}
+    return {
+        "time_s": asyncio.get_running_loop().time(),
+        "code": code,
+        "text": text,
+        "goal_id": goal_id,
+        "field": field,
+        "error": error,
+        "reset": reset,
+    }

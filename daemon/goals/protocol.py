@@ -37,15 +37,23 @@ class Call:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """A message that is not done; ``reply`` is False for a notification's, which is reported as an event."""
+    """A message that is not done; ``reply`` is False for a notification's, which is reported as an event.
+
+    ``goal_id`` is the one that the message gave.
+    """
 
     id: RequestId
     error: ProtocolError
     reply: bool = True
+    goal_id: str | None = None
+
+
+class _NoLiteralError(ValueError):
+    """NaN or Infinity, which Python takes and JSON has not."""
 
 
 def _no_literal(name: str) -> NoReturn:
-    raise ValueError(f"{name} is not JSON")
+    raise _NoLiteralError(f"{name} is not JSON")
 
 
 def parse(line: bytes) -> tuple[list[Any], bool]:
@@ -57,8 +65,12 @@ def parse(line: bytes) -> tuple[list[Any], bool]:
         message = json.loads(line.decode("utf-8"), parse_constant=_no_literal)
     except RecursionError:
         raise ProtocolError(ErrorCode.PARSE, "not JSON that can be read: it is nested too deep") from None
-    except ValueError as error:
-        raise ProtocolError(ErrorCode.PARSE, f"not JSON: {str(error)[:120]}") from None
+    except UnicodeDecodeError:
+        raise ProtocolError(ErrorCode.PARSE, "not JSON: it is not UTF-8") from None
+    except (json.JSONDecodeError, _NoLiteralError) as error:
+        raise ProtocolError(ErrorCode.PARSE, f"not JSON: {error}") from None
+    except ValueError:  # of int(), which takes so many digits and no more
+        raise ProtocolError(ErrorCode.PARSE, "not JSON that can be read: it has a number of too many digits") from None
     if not isinstance(message, list):
         return [message], False
     if not message:
@@ -86,7 +98,12 @@ def interpret(message: Any, *, operator: bool) -> Call | Refusal:
         return Call(reply_id, method, _params_of(method, message.get("params")))
     except ProtocolError as error:
         error.__traceback__ = None  # it would keep what it was raised from alive, as garbage
-        return Refusal(reply_id, error, reply=not silent)
+        return Refusal(reply_id, error, reply=not silent, goal_id=_goal_id(message.get("params")))
+
+
+def _goal_id(params: Any) -> str | None:
+    given = params.get("goal_id") if isinstance(params, dict) else None
+    return given if isinstance(given, str) and _is_id(given) else None
 
 
 def _is_id(value: Any) -> bool:
@@ -98,12 +115,15 @@ def _is_id(value: Any) -> bool:
 
 
 def _method_of(message: dict[str, Any]) -> Method:
-    if message.get("jsonrpc") != "2.0":
+    for key in ("jsonrpc", "method"):
+        if key not in message:
+            raise ProtocolError(ErrorCode.INVALID_REQUEST, "is missing", key)
+    if message["jsonrpc"] != "2.0":
         raise ProtocolError(ErrorCode.INVALID_REQUEST, 'must be "2.0"', "jsonrpc")
     for key in message:
         if key not in ("jsonrpc", "id", "method", "params"):
             raise ProtocolError(ErrorCode.INVALID_REQUEST, "is not a key of a request", _shown(key))
-    name = message.get("method")
+    name = message["method"]
     if not isinstance(name, str):
         raise ProtocolError(ErrorCode.INVALID_REQUEST, f"must be a string, not {_kind(name)}", "method")
     if "id" in message and not _is_id(message["id"]):
@@ -190,12 +210,13 @@ def explained(item: dict[str, Any], params: dict[str, Any]) -> ProtocolError:
     if kind in ("union_tag_not_found", "union_tag_invalid"):
         field = f"{field}.kind".lstrip(".")
     if kind in ("literal_error", "union_tag_invalid"):
-        expected = context.get("expected") or context.get("expected_tags")
+        expected = str(context.get("expected") or " or ".join(context["expected_tags"].rsplit(", ", 1)))
         reason = f"must be {expected}".replace("'", '"')
     elif kind in _LENGTHS:
         key, words = _LENGTHS[kind]
-        unit = "characters" if isinstance(value, str) else "items"
-        reason = f"must have {words} {context[key]} {unit}, not {len(value)}"
+        unit = "character" if isinstance(value, str) else "item"
+        plural = "s" if context[key] != 1 else ""
+        reason = f"must have {words} {context[key]} {unit}{plural}, not {len(value)}"
     elif kind in _WANTED:
         reason = f"must be {_WANTED[kind]}, not {_kind(value)}"
     else:

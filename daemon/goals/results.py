@@ -245,9 +245,10 @@ class ResetReport(TypedDict):
 
 
 class EventTelemetry(TypedDict):
-    """Payload of telemetry.events: something that happened, once; ``field`` when an input was refused.
+    """Payload of telemetry.events: something that happened, once.
 
-    ``reset`` is of the events ``reset`` and ``fast_slide``.
+    ``field`` and ``error`` (the number that a reply would have) are of ``refused``, ``reset`` of ``reset`` and
+    ``fast_slide``.
     """
 
     time_s: float
@@ -255,4 +256,5 @@ class EventTelemetry(TypedDict):
     text: str
     goal_id: str | None
     field: str | None
+    error: int | None
     reset: ResetReport | None

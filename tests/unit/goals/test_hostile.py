@@ -121,8 +121,8 @@ DEAR = {
 def test_a_line_full_of_mistakes_is_refused_without_looking_at_each(name, monkeypatch):
     looked = []
     method, params = DEAR[name]
-    explain = interpret.__globals__["_explain"]
-    monkeypatch.setitem(interpret.__globals__, "_explain", lambda *found: looked.append(1) or explain(*found))
+    explain = interpret.__globals__["explained"]
+    monkeypatch.setitem(interpret.__globals__, "explained", lambda *found: looked.append(1) or explain(*found))
     begin_s = time.process_time()
     found = interpret(parse(json.dumps(request(method, params)).encode())[0][0], operator=True)
     assert isinstance(found, Refusal) and found.error.code == ErrorCode.INVALID_PARAMS

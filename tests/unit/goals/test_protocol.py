@@ -56,7 +56,12 @@ TO_NOWHERE = {"heading": {"point": [1, 2]}}
         (lambda: waypoint(position=[1, 10**400, 3]), -32602, "waypoint.position[1]", None),
         (lambda: waypoint(position="up"), -32602, "waypoint.position", "must be a list, not a string"),
         (lambda: waypoint(speed=3), -32602, "waypoint.speed", "is not a known key"),
-        (lambda: waypoint(frame="moon"), -32602, "waypoint.frame", None),
+        (
+            lambda: waypoint(frame="moon"),
+            -32602,
+            "waypoint.frame",
+            'must be "local_ned", "local_enu", "body_frd" or "global"',
+        ),
         (lambda: waypoint(hold_s=-1), -32001, "waypoint.hold_s", "must be at least 0, not -1"),
         (lambda: waypoint(threshold=0), -32001, "waypoint.threshold", "must be greater than 0, not 0"),
         (lambda: waypoint(yaw_deg=1, orientation=[1, 0, 0, 0]), -32001, "waypoint.orientation", None),
@@ -67,10 +72,15 @@ TO_NOWHERE = {"heading": {"point": [1, 2]}}
         (lambda: waypoint(orientation=[1, 0, 0, 0], frame="local_enu"), -32001, "waypoint.orientation", None),
         (lambda: waypoint(position=[91, 8, 500], frame="global"), -32001, "waypoint.position[0]", None),
         (lambda: waypoint(convergence={"position_m": 0}, threshold="x"), -32602, "waypoint.threshold", None),
-        (lambda: submit(path={"waypoints": []}), -32602, "path.waypoints", None),
+        (lambda: submit(path={"waypoints": []}), -32602, "path.waypoints", "must have at least 1 item, not 0"),
         (lambda: submit(path={"waypoints": [{}]}), -32602, "path.waypoints[0].position", "is missing"),
         (lambda: submit(trajectory={}), -32602, "trajectory.kind", "is missing"),
-        (lambda: submit(trajectory={"kind": "knot"}), -32602, "trajectory.kind", None),
+        (
+            lambda: submit(trajectory={"kind": "knot"}),
+            -32602,
+            "trajectory.kind",
+            'must be "circle", "lemniscate", "polynomial" or "hold"',
+        ),
         (lambda: submit(trajectory=CIRCLE | {"radius_m": 0}), -32001, "trajectory.radius_m", None),
         (lambda: submit(trajectory=CIRCLE | {"period_s": 4}), -32001, "trajectory.period_s", None),
         (lambda: submit(trajectory=CIRCLE | {"axis": [0, 0, 0]}), -32001, "trajectory.axis", "must have a length"),
@@ -87,7 +97,7 @@ TO_NOWHERE = {"heading": {"point": [1, 2]}}
         (lambda: refusal_of("telemetry.subscribe", {"topics": ["smell"]}), -32602, "topics[0]", None),
         (lambda: refusal_of("telemetry.subscribe", {"topics": ["state"], "rate_hz": 51}), -32001, "rate_hz", None),
         (lambda: refusal_of("config.set", {"path": "a", "value": {}}), -32602, "value", None),
-        (lambda: refusal_of("goal.get", {"goal_id": ""}), -32602, "goal_id", "must have at least 1 characters, not 0"),
+        (lambda: refusal_of("goal.get", {"goal_id": ""}), -32602, "goal_id", "must have at least 1 character, not 0"),
         (lambda: refusal_of("goal.get", {"goal_id": "\ud800"}), -32602, "goal_id", "must be text that Unicode has"),
         (lambda: refusal_of("goal.get", {"goal_id": 3}), -32602, "goal_id", "must be a string, not a number"),
         (lambda: refusal_of("status.get", [1]), -32602, "params", "must be an object, not a list"),
@@ -131,6 +141,27 @@ def test_what_is_not_json_is_a_parse_error(line):
     with pytest.raises(ProtocolError) as caught:
         parse(line)
     assert caught.value.code == ErrorCode.PARSE
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        (b"1" * 5000, "not JSON that can be read: it has a number of too many digits"),
+        (b"\xff\xfe", "not JSON: it is not UTF-8"),
+        (b"[NaN]", "not JSON: NaN is not JSON"),
+        (b"[1,", "not JSON: Expecting value: line 1 column 4 (char 3)"),
+    ],
+)
+def test_what_is_not_json_is_told_without_the_daemons_insides(line, reason):
+    with pytest.raises(ProtocolError) as caught:
+        parse(line)
+    assert caught.value.reason == reason
+
+
+@pytest.mark.parametrize("field", ["jsonrpc", "method"])
+def test_what_a_request_lacks_is_missing(field):
+    found = interpret({key: value for key, value in ask("status.get").items() if key != field}, operator=True)
+    assert (found.error.code, found.error.field, found.error.reason) == (-32600, field, "is missing")
 
 
 def test_empty_batch_is_not_a_request():

@@ -141,6 +141,22 @@ async def test_mistake_inside_the_daemon_is_an_internal_error_and_nothing_more(p
         assert "result" in await client.ask("status.get")
 
 
+@pytest.mark.parametrize(
+    ("params", "goal_id", "error"),
+    [
+        ({"goal_id": "g-7", "position": [0, 0, 0], "velocity": [0, 0, 0]}, "g-7", -32006),
+        ({"goal_id": "g-7", "position": [0, 0]}, "g-7", -32602),
+        ({"goal_id": 7}, None, -32602),
+        ([], None, -32602),
+    ],
+)
+async def test_event_of_a_refused_notification_has_the_code_of_the_error_and_the_goal(path, params, goal_id, error):
+    async with serving(path), raw(path) as client:
+        client.send({"jsonrpc": "2.0", "method": "reference.set", "params": params})
+        event = await client.line()
+        assert (event["params"]["goal_id"], event["params"]["error"]) == (goal_id, error)
+
+
 async def test_refused_notification_comes_back_as_an_event(path):
     async with serving(path), raw(path) as client:
         client.send({"jsonrpc": "2.0", "method": "reference.set", "params": {"goal_id": "x"}})
