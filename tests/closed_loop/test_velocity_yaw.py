@@ -7,7 +7,7 @@ import pytest
 from support.flight import CALLER, Flight, fly
 
 from daemon import frames
-from daemon.goals.methods import ConfigSet, ReferenceSet
+from daemon.goals.methods import ReferenceSet
 
 ON = {"control": {"velocity_yaw": True}}
 
@@ -60,19 +60,16 @@ def test_a_path_ends_along_its_last_velocity(through: str) -> None:
     fly(scenario, config=ON)
 
 
-def test_it_is_switched_on_in_flight_for_the_goals_that_follow_and_a_mere_turn_is_still_one() -> None:
+def test_a_mere_turn_is_still_flown_where_headings_follow_the_velocity() -> None:
     async def scenario(flight: Flight) -> None:
         await flight.airborne(10.0)
-        await flight.result(await flight.goto(0.0, 4.0, -10.0, yaw_deg=0.0))
-        assert heading_deg(flight) == pytest.approx(0.0, abs=5.0)
-        await flight.service.config_set(ConfigSet(path="control.velocity_yaw", value=True), CALLER)
-        assert (await flight.result(await flight.goto(0.0, 0.0, -10.0, yaw_deg=0.0))).outcome == "succeeded"
+        assert (await flight.result(await flight.goto(0.0, -4.0, -10.0, yaw_deg=0.0))).outcome == "succeeded"
         assert heading_deg(flight) == pytest.approx(-90.0, abs=5.0)
         turn = await flight.submit(waypoint={"mode": "only_orientation", "yaw_deg": 30.0})
         assert (await flight.result(turn)).outcome == "succeeded"
         assert heading_deg(flight) == pytest.approx(30.0, abs=6.0)
 
-    fly(scenario)
+    fly(scenario, config=ON)
 
 
 def test_a_stream_is_flown_along_its_velocity() -> None:
