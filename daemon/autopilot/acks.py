@@ -10,59 +10,65 @@ from daemon.autopilot.px4 import Message
 from daemon.messages import FlightMode
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class _ModeRequest:
     mode: FlightMode
     sent_s: float
-    first_ack_s: float | None = None
 
 
 class ModeAcks:
     """DO_SET_MODE is acknowledged twice: the first is always 0, the second is the true result (PX4 as measured).
 
-    A request whose second ack stays out for ``second_ack_s`` counts as not refused.
+    No ack says which request or which of the two it is, and on a slow link a second one comes after the first one of a
+    later request. But first acks come in the order of the requests, and second ones too: of how many requests the first
+    and the second ack may have come is followed in all ways that fit, and a refusal is told when all agree on its mode.
+    A request counts for ``forget_s``, for an ack of it may be lost.
     """
 
-    def __init__(self, second_ack_s: float = 0.05, forget_s: float = 1.0) -> None:
-        self._second_ack_s = second_ack_s
+    def __init__(self, forget_s: float = 1.0) -> None:
         self._forget_s = forget_s
         self._waiting: deque[_ModeRequest] = deque()
-        self._last: _ModeRequest | None = None
+        self._come: set[tuple[int, int]] = {(0, 0)}  # first and second acks of those that wait
 
     def requested(self, mode: FlightMode, now_s: float) -> None:
         """A request has left."""
-        self._last = _ModeRequest(mode, now_s)
-        self._waiting.append(self._last)
+        self._forget(now_s)
+        self._waiting.append(_ModeRequest(mode, now_s))
 
     def ack(self, result: int, now_s: float) -> FlightMode | None:
         """An ack has come: the mode that it refuses, or None."""
-        self._drop_old(now_s)
+        self._forget(now_s)
         if result == RESULT_IN_PROGRESS:
             return None
-        if result != RESULT_ACCEPTED:
-            # With nobody waiting it is a second ack that came late: the newest request is the one it answers.
-            refused = self._waiting.popleft() if self._waiting else self._last
-            return refused.mode if refused is not None and now_s - refused.sent_s <= self._forget_s else None
-        if self._waiting:
-            request = self._waiting[0]
-            if request.first_ack_s is None:
-                request.first_ack_s = now_s
-            else:
-                self._waiting.popleft()
-        return None
+        seconds = {(first, second + 1) for first, second in self._come if second < first}
+        if result == RESULT_ACCEPTED:
+            asked = len(self._waiting)
+            self._settle({(first + 1, second) for first, second in self._come if first < asked} | seconds)
+            return None
+        refused = {self._waiting[second - 1].mode for _, second in seconds}
+        if not seconds and self._waiting:  # a first ack was lost
+            refused, seconds = {request.mode for request in self._waiting}, {(1, 1)}
+        self._settle(seconds)
+        return refused.pop() if len(refused) == 1 else None
 
     def clear(self) -> None:
         """Nobody waits any more."""
         self._waiting.clear()
-        self._last = None
+        self._come = {(0, 0)}
 
-    def _drop_old(self, now_s: float) -> None:
-        while self._waiting:
-            oldest = self._waiting[0]
-            second_overdue = oldest.first_ack_s is not None and now_s - oldest.first_ack_s > self._second_ack_s
-            if not second_overdue and now_s - oldest.sent_s <= self._forget_s:
-                return
-            self._waiting.popleft()
+    def _settle(self, come: set[tuple[int, int]]) -> None:
+        """An ack was one of these; one that fits no request changes nothing."""
+        self._come = come or self._come
+        for _ in range(min(second for _, second in self._come)):
+            self._drop_oldest()
+
+    def _forget(self, now_s: float) -> None:
+        while self._waiting and now_s - self._waiting[0].sent_s > self._forget_s:
+            self._drop_oldest()
+
+    def _drop_oldest(self) -> None:
+        self._waiting.popleft()
+        self._come = {(max(first - 1, 0), max(second - 1, 0)) for first, second in self._come}
 
 
 Done = Callable[[LinkError | None], None]

@@ -53,9 +53,9 @@ def test_two_good_acks_are_no_refusal_and_a_new_request_forgets_an_old_refusal(s
 def test_a_lone_first_ack_does_not_shift_the_acks_of_the_next_request(session: Px4Session) -> None:
     session.mode_requested(FlightMode.OFFBOARD, 1.0)
     session.receive("COMMAND_ACK", ack(176, 0), 1.001)
-    session.mode_requested(FlightMode.HOLD, 1.2)
-    session.receive("COMMAND_ACK", ack(176, 0), 1.201)
-    session.receive("COMMAND_ACK", ack(176, 1), 1.202)
+    session.mode_requested(FlightMode.HOLD, 2.1)
+    session.receive("COMMAND_ACK", ack(176, 0), 2.101)
+    session.receive("COMMAND_ACK", ack(176, 1), 2.102)
     refusal = session.status.value.mode_refusal
     assert refusal is not None
     assert refusal.mode is FlightMode.HOLD
@@ -176,6 +176,10 @@ def test_an_ack_that_never_came_does_not_blame_the_wrong_mode(session: Px4Sessio
     session.receive("COMMAND_ACK", ack(176, 0), 1.202)
     session.mode_requested(FlightMode.LAND, 1.3)
     session.receive("COMMAND_ACK", ack(176, 2), 1.301)
+    refusal = session.status.value.mode_refusal
+    assert refusal is None or refusal.mode is not FlightMode.LAND  # which has no ack of its own
+    session.receive("COMMAND_ACK", ack(176, 0), 1.302)
+    session.receive("COMMAND_ACK", ack(176, 2), 1.303)
     refusal = session.status.value.mode_refusal
     assert refusal is not None
     assert (refusal.mode, refusal.reason) == (FlightMode.LAND, "denied")
