@@ -1,87 +1,73 @@
-"""Time-optimal motion with bounded jerk (ruckig; Berscheid and Kröger 2021), as plans: to a goal, or to a hover.
+"""Time-optimal motion with bounded jerk as plans: to a goal, or to a hover.
 
-The horizontal axes are turned into the direction of travel. Ruckig bounds each axis by itself; when the start moves or
-accelerates sideways, along and across share the bound so that the length of the vector keeps it, and what comes out
-is checked. Now and then no sharing fits a start at its limits: then there is no such plan.
+Straight ahead a goal is one motion, as quick as the bounds allow. A start that moves or accelerates sideways is first
+brought onto the line to the goal, or to a stop, within bounds that along and across share; then it goes straight on
+with the whole bounds. The quickest of these ways is taken. It is not quite the optimum: turning without coming back
+onto the line would save some percent.
 """
 
+from bisect import bisect_right
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from itertools import accumulate, pairwise
-from math import atan2, hypot, inf, sqrt
+from dataclasses import replace
+from itertools import pairwise
+from math import atan2, cos, hypot, sin
 
 import ruckig
 
-from daemon.frames import add, clamp, norm, rotate_about_down, wrap_pi
+from daemon.frames import add, norm, wrap_pi
+from daemon.guidance.bounded_motion import Motion, goes_sideways, keeps, sharing, solve, straight, travel_heading
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.plan import Plan, straights
 from daemon.messages import ZERO3, Reference, Vec3
 
-_SIDEWAYS = 1e-7  # m/s and m/s^2 of the start across the direction of travel that count as none
-_ACROSS_SHARES = (0.6, 0.3, 0.85)  # of the bounds, tried in turn
-_CHECKS = 120  # instants, denser near the start, at which a motion that moves sideways is checked
-_PLANNED, _CHECKED = 0.998, 0.999  # of the bounds, when moving sideways: the check does not see between its instants
-_JERK_SPACING_S = 1e-4  # jerk is constant but for six instants: the difference over this time
+_Goal = tuple[Vec3, float]  # place and heading
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Motion:
-    """What ruckig found: x along ``heading_rad``, y across, z down, yaw unwrapped, relative to ``origin_ned_m``."""
-
-    trajectory: ruckig.Trajectory
-    heading_rad: float
-    origin_ned_m: Vec3
+_POSITION, _VELOCITY = ruckig.ControlInterface.Position, ruckig.ControlInterface.Velocity
+_NO_SYNC, _IN_PHASE = ruckig.Synchronization.No, ruckig.Synchronization.Phase
 
 
 class JerkLimitedPlan(Plan):
-    """A motion that ruckig solved, from ``start_s`` on."""
+    """Motions that ruckig solved, one after the other; ``goal`` None: rest, wherever that is."""
 
-    def __init__(self, start_s: float, motion: _Motion, limits: MotionLimits, goal: tuple[Vec3, float] | None) -> None:
-        self.start_s = start_s
-        self._motion = motion
+    def __init__(self, motions: tuple[Motion, ...], limits: MotionLimits, goal: _Goal | None) -> None:
+        self.start_s = motions[0].start_s
+        self._motions = motions
+        self._starts_s = [motion.start_s for motion in motions]
         self._limits = limits
         self._goal = goal
-        self._end_s = start_s + float(motion.trajectory.duration)
-        self._target = _at(motion, motion.trajectory.duration, self._end_s, at_rest=True)
+        self._target = motions[-1].rest()
         if goal is not None:
             self._target = replace(self._target, position_ned_m=goal[0], yaw_rad=wrap_pi(goal[1]))
 
     @property
     def end_s(self) -> float:
-        """When the motion ends."""
-        return self._end_s
+        """When the last motion ends."""
+        return self._target.time_s
 
     @property
     def target(self) -> Reference:
-        """Rest at the end of the motion."""
+        """Rest at the end."""
         return self._target
 
     def sample(self, time_s: float) -> Reference:
-        """The motion at a time."""
-        if time_s >= self._end_s:
+        """The motion that is flown at a time."""
+        if time_s >= self.end_s:
             return replace(self._target, time_s=time_s)
-        return _at(self._motion, max(0.0, time_s - self.start_s), time_s)
+        return self._motions[max(0, bisect_right(self._starts_s, time_s) - 1)].at(time_s)
 
     def polyline(self) -> Iterator[Vec3]:
         """From rest a straight way; else each stretch of constant jerk by its acceleration, largest at one end."""
         start = self.sample(self.start_s)
         yield start.position_ned_m
         if (start.velocity_ned_m_s, start.acceleration_ned_m_s2) != (ZERO3, ZERO3):
-            for begin, end in pairwise(map(self.sample, self._bends_s())):
-                largest = max(norm(begin.acceleration_ned_m_s2), norm(end.acceleration_ned_m_s2))
-                lasts_s = end.time_s - begin.time_s
-                count = straights(lasts_s, largest)
-                for i in range(1, count + 1):
-                    yield self.sample(begin.time_s + lasts_s * i / count).position_ned_m
+            for motion in self._motions:
+                for begin, end in pairwise(map(motion.at, motion.bends_s())):
+                    largest = max(norm(begin.acceleration_ned_m_s2), norm(end.acceleration_ned_m_s2))
+                    lasts_s = end.time_s - begin.time_s
+                    count = straights(lasts_s, largest)
+                    for i in range(1, count + 1):
+                        yield motion.at(begin.time_s + lasts_s * i / count).position_ned_m
         yield self._target.position_ned_m
-
-    def _bends_s(self) -> list[float]:
-        """Start, end, and the instants between at which the jerk along an axis changes."""
-        lasts_s = float(self._motion.trajectory.duration)
-        changes_s = {0.0, lasts_s}
-        for axis in self._motion.trajectory.profiles[0][:3]:
-            changes_s.update(accumulate((*axis.brake.t, *axis.t, *axis.accel.t)))
-        return [self.start_s + since_s for since_s in sorted(changes_s) if since_s <= lasts_s]
 
     def shifted(self, dp_ned_m: Vec3, dv_ned_m_s: Vec3, dyaw_rad: float, at_s: float) -> Plan:
         """Moved with the estimate; after a velocity jump solved anew from the shifted state to the same goal."""
@@ -100,21 +86,20 @@ class JerkLimitedPlan(Plan):
 
 
 def to_goal(start: Reference, position_ned_m: Vec3, yaw_rad: float, limits: MotionLimits) -> JerkLimitedPlan | None:
-    """The quickest motion from a flown reference to rest at a goal, heading the shorter way; None if there is none."""
-    north = position_ned_m[0] - start.position_ned_m[0]
-    east = position_ned_m[1] - start.position_ned_m[1]
-    heading = atan2(east, north) if hypot(north, east) > 0.0 else _travel_heading(start)
-    down = position_ned_m[2] - start.position_ned_m[2]
-    turn = wrap_pi(yaw_rad - start.yaw_rad)
-    for wanted in _inputs(start, heading, limits):
-        wanted.target_position = [hypot(north, east), 0.0, down, start.yaw_rad + turn]
-        wanted.synchronization = ruckig.Synchronization.Phase
-        wanted.per_dof_synchronization = [ruckig.Synchronization.Phase] * 3 + [ruckig.Synchronization.No]
-        trajectory = _solve(wanted)
-        if trajectory is not None and _keeps(wanted, trajectory, start, limits):
-            motion = _Motion(trajectory=trajectory, heading_rad=heading, origin_ned_m=start.position_ned_m)
-            return JerkLimitedPlan(start.time_s, motion, limits, (position_ned_m, yaw_rad))
-    return None
+    """The quickest way from a flown reference to rest at a goal, heading the shorter way; None if there is none."""
+    goal = (position_ned_m, yaw_rad)
+    heading = _heading_to(position_ned_m, start)
+    found: list[tuple[Motion, ...]] = []
+    if not goes_sideways(start, heading):
+        motion = _straight_to(goal, start, heading, limits)
+        found += [] if motion is None else [(motion,)]
+    else:
+        for first, onward in _turns(goal, start, heading, limits):
+            last = _straight_to(goal, first.at(first.end_s), onward, limits)
+            found += [] if last is None else [(first, last)]
+    if not found:
+        return None
+    return JerkLimitedPlan(min(found, key=lambda motions: motions[-1].end_s), limits, goal)
 
 
 def to_hover(start: Reference, limits: MotionLimits) -> JerkLimitedPlan | None:
@@ -122,117 +107,69 @@ def to_hover(start: Reference, limits: MotionLimits) -> JerkLimitedPlan | None:
 
     A start at the corner of its limits may pass them by some percent on the way: stopping comes first.
     """
-    heading = _travel_heading(start)
+    heading = travel_heading(start)
     unchecked = None
-    for wanted in _inputs(start, heading, limits):
-        wanted.control_interface = ruckig.ControlInterface.Velocity
-        wanted.synchronization = ruckig.Synchronization.No
-        trajectory = _solve(wanted)
-        if trajectory is None:
-            continue
-        motion = _Motion(trajectory=trajectory, heading_rad=heading, origin_ned_m=start.position_ned_m)
-        if _keeps(wanted, trajectory, start, limits):
-            return JerkLimitedPlan(start.time_s, motion, limits, None)
-        unchecked = motion
-    return None if unchecked is None else JerkLimitedPlan(start.time_s, unchecked, limits, None)
+    for wanted in sharing(start, heading, limits):
+        wanted.control_interface = _VELOCITY
+        wanted.synchronization = _NO_SYNC
+        motion = _solved(wanted, start, heading)
+        if motion is not None and keeps(wanted, motion, start, limits):
+            return JerkLimitedPlan((motion,), limits, None)
+        unchecked = motion or unchecked
+    return None if unchecked is None else JerkLimitedPlan((unchecked,), limits, None)
 
 
-def _travel_heading(start: Reference) -> float:
-    """Direction of the start's motion; of its acceleration when it does not move."""
-    for x, y, _ in (start.velocity_ned_m_s, start.acceleration_ned_m_s2):
-        if hypot(x, y) > _SIDEWAYS:
-            return atan2(y, x)
-    return 0.0
+def _heading_to(position_ned_m: Vec3, start: Reference) -> float:
+    """Direction of a goal; of the start's motion when that is straight above or below."""
+    north = position_ned_m[0] - start.position_ned_m[0]
+    east = position_ned_m[1] - start.position_ned_m[1]
+    return atan2(east, north) if hypot(north, east) > 0.0 else travel_heading(start)
 
 
-def _inputs(start: Reference, heading: float, limits: MotionLimits) -> Iterator[ruckig.InputParameter]:
-    """The start in the turned axes with bounds on each axis, in the order in which to try them."""
-    velocity = rotate_about_down(start.velocity_ned_m_s, -heading)
-    acceleration = rotate_about_down(start.acceleration_ned_m_s2, -heading)
-    if max(abs(velocity[1]), abs(acceleration[1])) < _SIDEWAYS:
-        # what is left across would be taken out with the whole jerk, on top of the one along
-        velocity, acceleration = (velocity[0], 0.0, velocity[2]), (acceleration[0], 0.0, acceleration[2])
-        yield _input(velocity, acceleration, start, limits, (0.0, 0.0, 0.0))
-        return
-    for share in _ACROSS_SHARES:
-        speed = _across_share(share, velocity[0] / limits.speed_m_s, velocity[1] / limits.speed_m_s)
-        limit = limits.acceleration_m_s2
-        yield _input(
-            velocity,
-            acceleration,
-            start,
-            limits,
-            (speed, _across_share(share, acceleration[0] / limit, acceleration[1] / limit), 0.6),
-        )
+def _offset(goal: _Goal, start: Reference, heading_rad: float) -> list[float]:
+    """The goal as ruckig's target, seen from the start along a line that leads to it, forwards or backwards."""
+    north, east, down = (wanted - now for wanted, now in zip(goal[0], start.position_ned_m, strict=True))
+    along = north * cos(heading_rad) + east * sin(heading_rad)
+    return [along, 0.0, down, start.yaw_rad + wrap_pi(goal[1] - start.yaw_rad)]
 
 
-def _across_share(wanted: float, along: float, across: float) -> float:
-    """The share across nearest to the wanted one that leaves room for the start on both axes."""
-    most = sqrt(max(0.0, 1.0 - along * along))
-    return clamp(wanted, min(abs(across), 0.95), max(most, 0.05))
+def _straight_to(goal: _Goal, start: Reference, heading_rad: float, limits: MotionLimits) -> Motion | None:
+    """The motion along a line to rest at the goal on it; height keeps pace, in phase where it can."""
+    wanted = straight(start, heading_rad, limits)
+    wanted.target_position = _offset(goal, start, heading_rad)
+    wanted.synchronization = _IN_PHASE
+    wanted.per_dof_synchronization = [_IN_PHASE] * 3 + [_NO_SYNC]
+    return _solved(wanted, start, heading_rad)
 
 
-def _input(
-    velocity: Vec3, acceleration: Vec3, start: Reference, limits: MotionLimits, across: Vec3
-) -> ruckig.InputParameter:
-    """Ruckig's input; ``across`` are the shares of speed, acceleration and jerk, zero for a straight way."""
-    along = [sqrt(1.0 - share * share) for share in across]
-    sideways = [share if share > 0.0 else 1.0 for share in across]
-    planned = _PLANNED if any(across) else 1.0
-    speed, limit, jerk = planned * limits.speed_m_s, planned * limits.acceleration_m_s2, limits.jerk_m_s3
-    found = ruckig.InputParameter(4)
-    found.current_position = [0.0, 0.0, 0.0, start.yaw_rad]
-    found.current_velocity = [*velocity, start.yaw_rate_rad_s]
-    found.current_acceleration = [*acceleration, 0.0]
-    found.max_velocity = [along[0] * speed, sideways[0] * speed, limits.descent_m_s, limits.yaw_rate_rad_s]
-    found.min_velocity = [-along[0] * speed, -sideways[0] * speed, -limits.climb_m_s, -limits.yaw_rate_rad_s]
-    vertical, yaw = limits.vertical_acceleration_m_s2, limits.yaw_acceleration_rad_s2
-    found.max_acceleration = [along[1] * limit, sideways[1] * limit, vertical, yaw]
-    found.max_jerk = [along[2] * jerk, sideways[2] * jerk, jerk, inf]
-    return found
+def _turns(goal: _Goal, start: Reference, heading_rad: float, limits: MotionLimits) -> Iterator[tuple[Motion, float]]:
+    """Ways to take the sideways motion out, and the direction after each: onto the line to the goal, or to a stop.
+
+    Height and heading go to the goal's meanwhile.
+    """
+    for interface, heading in ((_POSITION, heading_rad), (_VELOCITY, travel_heading(start))):
+        for wanted in sharing(start, heading, limits):
+            wanted.per_dof_control_interface = [interface, interface, _POSITION, _POSITION]
+            wanted.target_position = _offset(goal, start, heading)
+            wanted.synchronization = _NO_SYNC
+            whole = _solved(wanted, start, heading)
+            if whole is None:
+                continue
+            along_s, across_s = whole.trajectory.independent_min_durations[:2]
+            turn = replace(whole, duration_s=across_s if interface is _POSITION else max(along_s, across_s))
+            if keeps(wanted, turn, start, limits):
+                onward = heading if interface is _POSITION else _heading_to(goal[0], turn.at(turn.end_s))
+                yield turn, onward
 
 
-def _solve(wanted: ruckig.InputParameter) -> ruckig.Trajectory | None:
-    trajectory = ruckig.Trajectory(4)
-    try:
-        result = ruckig.Ruckig(4).calculate(wanted, trajectory)
-    except (ruckig.RuckigError, ValueError):  # ValueError: a result that its binding has no name for
+def _solved(wanted: ruckig.InputParameter, start: Reference, heading_rad: float) -> Motion | None:
+    trajectory = solve(wanted)
+    if trajectory is None:
         return None
-    return trajectory if result in (ruckig.Result.Working, ruckig.Result.Finished) else None
-
-
-def _keeps(
-    wanted: ruckig.InputParameter, trajectory: ruckig.Trajectory, start: Reference, limits: MotionLimits
-) -> bool:
-    """Whether the lengths of the horizontal vectors keep the limits, or what the start already asks for."""
-    if wanted.current_velocity[1] == 0.0 and wanted.current_acceleration[1] == 0.0:
-        return True
-    (vx, vy, _), (ax, ay, _) = start.velocity_ned_m_s, start.acceleration_ned_m_s2
-    taken_back_s = 0.5 * hypot(ax, ay) / limits.jerk_m_s3
-    coming = hypot(vx + ax * taken_back_s, vy + ay * taken_back_s)
-    allowed_speed = max(_CHECKED * limits.speed_m_s, hypot(vx, vy), coming) + 1e-9
-    allowed = max(_CHECKED * limits.acceleration_m_s2, hypot(ax, ay)) + 1e-9
-    for i in range(_CHECKS):
-        _, v, a = trajectory.at_time((i / _CHECKS) ** 2 * trajectory.duration)
-        if hypot(v[0], v[1]) > allowed_speed or hypot(a[0], a[1]) > allowed:
-            return False
-    return True
-
-
-def _at(motion: _Motion, since_s: float, time_s: float, at_rest: bool = False) -> Reference:
-    """The motion ``since_s`` after its start, in NED."""
-    p, v, a = motion.trajectory.at_time(since_s)
-    position = add(rotate_about_down((p[0], p[1], p[2]), motion.heading_rad), motion.origin_ned_m)
-    if at_rest:
-        return Reference(time_s=time_s, position_ned_m=position, yaw_rad=wrap_pi(p[3]))
-    later = motion.trajectory.at_time(since_s + _JERK_SPACING_S)[2]
-    jerk = tuple((after - now) / _JERK_SPACING_S for now, after in zip(a[:3], later, strict=False))
-    return Reference(
-        time_s=time_s,
-        position_ned_m=position,
-        velocity_ned_m_s=rotate_about_down((v[0], v[1], v[2]), motion.heading_rad),
-        acceleration_ned_m_s2=rotate_about_down((a[0], a[1], a[2]), motion.heading_rad),
-        jerk_ned_m_s3=rotate_about_down((jerk[0], jerk[1], jerk[2]), motion.heading_rad),
-        yaw_rad=wrap_pi(p[3]),
-        yaw_rate_rad_s=v[3],
+    return Motion(
+        trajectory=trajectory,
+        heading_rad=heading_rad,
+        origin_ned_m=start.position_ned_m,
+        start_s=start.time_s,
+        duration_s=float(trajectory.duration),
     )

@@ -1,15 +1,15 @@
 """Plans to waypoints and to a hover: continuous from any flown state, within limits, arriving, the shorter way."""
 
 from dataclasses import replace
-from math import dist, pi
+from math import cos, dist, hypot, pi, radians, sin, sqrt
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from daemon.frames import from_yaw, is_finite, wrap_pi
+from daemon.frames import from_yaw, is_finite, scale, wrap_pi
 from daemon.guidance.brake import brake
 from daemon.guidance.filter_plan import FilterPlan
 from daemon.guidance.goals import WaypointGoal
@@ -119,6 +119,58 @@ def test_preemption_at_any_time_is_continuous_and_keeps_the_limits(
             checks.within(limits, reference)
             if i == 0:
                 checks.continuous(before, reference)
+
+
+def stop_s(speed_m_s: float, limits: MotionLimits) -> float:
+    """How long bounded acceleration and jerk take from a speed to rest."""
+    ramp_s = limits.acceleration_m_s2 / limits.jerk_m_s3
+    if speed_m_s > limits.acceleration_m_s2 * ramp_s:
+        return speed_m_s / limits.acceleration_m_s2 + ramp_s
+    return 2.0 * sqrt(speed_m_s / limits.jerk_m_s3)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    speed=st.floats(0.0, 4.99), course=st.floats(-pi, pi), distance=st.floats(15.0, 400.0), bearing=st.floats(-pi, pi)
+)
+@example(speed=4.9, course=0.0, distance=100.0, bearing=0.5 * pi)
+def test_a_moving_start_is_no_slower_than_stopping_first_and_no_quicker_than_the_limits(
+    checks: SimpleNamespace, speed: float, course: float, distance: float, bearing: float
+) -> None:
+    limits = MotionLimits()
+    velocity = (speed * cos(course), speed * sin(course), 0.0)
+    goal = (distance * cos(bearing), distance * sin(bearing), 0.0)
+    start = Reference(time_s=0.0, position_ned_m=ZERO3, velocity_ned_m_s=velocity)
+    flown = plan(start, to(goal), limits, GuidanceParameters(profile=Profile.JERK_LIMITED))
+    stopping_s = stop_s(speed, limits)
+    rest_of_way_m = dist(goal, scale(velocity, 0.5 * stopping_s))
+    assert rest_of_way_m > limits.speed_m_s * stop_s(limits.speed_m_s, limits)  # the whole speed is reached
+    going_s = rest_of_way_m / limits.speed_m_s + stop_s(limits.speed_m_s, limits)
+    assert flown.end_s <= stopping_s + going_s + 1e-6
+    assert flown.end_s >= distance / limits.speed_m_s + 0.5 * stop_s(limits.speed_m_s, limits) - 1e-6
+    for i in range(200):
+        checks.within(limits, flown.sample(i / 199.0 * flown.end_s))
+
+
+def test_a_small_change_of_course_hardly_costs_time() -> None:
+    limits = MotionLimits()
+    for degrees_off in (0.1, 1.0, 5.0, 15.0):
+        velocity = (4.9 * cos(radians(degrees_off)), 4.9 * sin(radians(degrees_off)), 0.0)
+        start = Reference(time_s=0.0, position_ned_m=ZERO3, velocity_ned_m_s=velocity)
+        flown = plan(start, to((100.0, 0.0, 0.0)), limits, GuidanceParameters(profile=Profile.JERK_LIMITED))
+        straight_s = 100.0 / limits.speed_m_s + 0.5 * stop_s(limits.speed_m_s, limits)
+        assert flown.end_s < straight_s + 0.6
+
+
+def test_a_goal_that_is_moved_ten_times_a_second_is_approached_at_the_whole_speed() -> None:
+    limits, parameters = MotionLimits(), GuidanceParameters(profile=Profile.JERK_LIMITED)
+    flown, fastest = rest(), 0.0
+    for tick in range(215):
+        goal = (100.0, 2.0 * sin(0.05 * tick), 0.0)
+        flown = plan(flown, to(goal), limits, parameters).sample(flown.time_s + 0.1)
+        fastest = max(fastest, hypot(*flown.velocity_ned_m_s[:2]))
+    assert fastest > 0.98 * limits.speed_m_s
+    assert dist(flown.position_ned_m, goal) < 1.0
 
 
 @pytest.mark.parametrize("parameters", PROFILES, ids=lambda p: p.profile.value)
