@@ -221,6 +221,8 @@ class FrameShift:
 
     ``count`` steps with each reset. ``velocity_ned_m_s`` is the sum of the velocity resets.
     A ``ReferenceWindow`` carries the shift under which it was planned; the difference is applied when it is sampled.
+    ``origin_ned_m`` is what the frame's origin is called now: true numbers are counted from it, so it is the sum of the
+    position's resets since the truth returned last.
     """
 
     count: int = 0
@@ -228,6 +230,7 @@ class FrameShift:
     position_ned_m: Vec3 = ZERO3
     velocity_ned_m_s: Vec3 = ZERO3
     yaw_rad: float = 0.0
+    origin_ned_m: Vec3 = ZERO3
 
 
 @value

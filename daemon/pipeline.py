@@ -46,7 +46,7 @@ class Parameters:
     """All that the flow can be tuned by.
 
     ``command_latency_s``: from sending a setpoint until it acts. ``fence_shift``: the frame in which the fence's anchor
-    was computed; resets since then move it.
+    was computed; what moved the frame's origin since then moves it.
     """
 
     estimator: EstimatorParameters
@@ -218,7 +218,7 @@ def _bounds(parameters: Parameters, shift: FrameShift) -> Bounds:
     if shift.count == parameters.fence_shift.count:
         return parameters.bounds
     fence = parameters.bounds.fence
-    dp = frames.subtract(shift.position_ned_m, parameters.fence_shift.position_ned_m)
+    dp = frames.subtract(shift.origin_ned_m, parameters.fence_shift.origin_ned_m)
     return replace(parameters.bounds, fence=replace(fence, anchor_ned_m=frames.add(fence.anchor_ned_m, dp)))
 
 

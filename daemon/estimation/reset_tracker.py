@@ -20,8 +20,8 @@ from math import hypot
 
 from daemon.estimation.gate import Sample
 from daemon.estimation.predictor import moved
-from daemon.frames import integrate, wrap_pi, yaw_of
-from daemon.messages import FrameShift, Reset, Vec3
+from daemon.frames import add, integrate, wrap_pi, yaw_of
+from daemon.messages import ZERO3, FrameShift, Reset, Vec3
 from daemon.values import value
 
 POSITION_NE, POSITION_D = "position_ne", "position_d"
@@ -121,12 +121,11 @@ def ambiguity(reset: Reset, counter_steps: int) -> str:
 
 def accumulated(shift: FrameShift, reset: Reset) -> FrameShift:
     """The sum of the resets with one more. Position deltas add up as world vectors: headings do not turn them."""
-    (x, y, z), (dx, dy, dz) = shift.position_ned_m, reset.position_ned_m
-    (vx, vy, vz), (dvx, dvy, dvz) = shift.velocity_ned_m_s, reset.velocity_ned_m_s
     return FrameShift(
         shift.count + 1,
         reset.time_s,
-        (x + dx, y + dy, z + dz),
-        (vx + dvx, vy + dvy, vz + dvz),
+        add(shift.position_ned_m, reset.position_ned_m),
+        add(shift.velocity_ned_m_s, reset.velocity_ned_m_s),
         wrap_pi(shift.yaw_rad + reset.yaw_rad),
+        ZERO3 if reset.truth_returned else add(shift.origin_ned_m, reset.position_ned_m),
     )

@@ -99,7 +99,7 @@ class HealthTask:
 
     def _anchor(self, status: AutopilotStatus, shift: FrameShift) -> Vec3:
         if self._vehicle.config.safety.fence.anchor == "origin":
-            return shift.position_ned_m
+            return shift.origin_ned_m
         if status.home is not None and status.global_origin is not None:
             return frames.ned_from_global(status.home, status.global_origin)
         return status.home_ned_m or ZERO3

@@ -17,7 +17,7 @@ from typing import Any
 
 from foxglove import Channel, Context, Schema
 
-from daemon.messages import FrameShift, Imu, Odometry, Reference, ReferenceWindow
+from daemon.messages import ZERO3, FrameShift, Imu, Odometry, Reference, ReferenceWindow
 from daemon.pipeline import Inputs, PipelineState, Record
 from daemon.recording import codec
 from daemon.recording.layout import HEADER, Layout
@@ -103,6 +103,7 @@ def unpack_window(head: dict[str, Any], data: bytes, offset: int) -> ReferenceWi
         head["shift_position_ned_m"],
         head["shift_velocity_ned_m_s"],
         head["shift_yaw_rad"],
+        head.get("shift_origin_ned_m", ZERO3),  # older records have none
     )
     return ReferenceWindow(head["goal_id"] if head["has_goal_id"] else None, tuple(samples), shift)
 

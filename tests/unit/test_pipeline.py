@@ -113,6 +113,20 @@ def test_the_fence_moves_with_a_reset() -> None:
     assert record.supervision.state is State.HOLDING
 
 
+def test_the_fence_stays_when_the_truth_returns() -> None:
+    """80 m at once is the truth, and outside of a fence of 10 m."""
+    parameters = replace(
+        PARAMETERS, bounds=replace(PARAMETERS.bounds, fence=replace(PARAMETERS.bounds.fence, radius_m=10.0))
+    )
+    flow = Flow()
+    for i in range(10):
+        flow.n += 1
+        sample = odometry(flow.n, (0.0 if i < 5 else 80.0, 0.0, -5.0), reset_counter=11 if i < 5 else 13)
+        inputs = Inputs(sample, None, IN_HOLD, None, None, False, parameters)
+        flow.state, _, record = pipeline.step(flow.state, inputs, flow.now_s, DT_S)
+        assert record.conditions.fence_breached is (i >= 5)
+
+
 def test_the_fence_is_where_its_anchor_was_plus_the_resets_since() -> None:
     """A fence of 10 m whose anchor was computed under a shift of (20, 0, 0); the jump of 3 m north came after."""
     for position_n, inside in ((-17.0 + 9.0, True), (-17.0 - 9.0, True), (-17.0 + 16.0, False), (-17.0 - 16.0, False)):
@@ -120,7 +134,7 @@ def test_the_fence_is_where_its_anchor_was_plus_the_resets_since() -> None:
         parameters = replace(
             PARAMETERS,
             bounds=replace(PARAMETERS.bounds, fence=fence),
-            fence_shift=FrameShift(7, 0.0, (20.0, 0.0, 0.0)),
+            fence_shift=FrameShift(7, 0.0, (30.0, 0.0, 0.0), origin_ned_m=(20.0, 0.0, 0.0)),
         )
         flow = Flow()
         for i in range(10):

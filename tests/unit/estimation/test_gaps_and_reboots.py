@@ -53,6 +53,20 @@ def test_a_reset_in_a_long_gap_is_the_return_of_the_truth(circle):
     assert event.reset.truth_returned
 
 
+def test_the_frames_origin_moves_with_a_reset_and_is_the_autopilots_own_once_the_truth_returned(circle):
+    reset = [moved(m, position=(3.0, 0.0, 0.0), steps=1) for m in circle[100:150]]
+    returned = [moved(m, position=(40.0, 0.0, 0.0), steps=2) for m in circle[150:180]]
+    again = [moved(m, position=(40.0, 2.0, 0.0), steps=3) for m in circle[180:]]
+    shifts = [estimate.shift for estimate in fly(circle[:100] + reset + returned + again)]
+    for index, position, origin in (
+        (120, (3.0, 0.0, 0.0), (3.0, 0.0, 0.0)),
+        (170, (40.0, 0.0, 0.0), ZERO3),
+        (-1, (40.0, 2.0, 0.0), (0.0, 2.0, 0.0)),
+    ):
+        assert shifts[index].position_ned_m == pytest.approx(position, abs=0.1)
+        assert shifts[index].origin_ned_m == pytest.approx(origin, abs=0.1)
+
+
 def test_a_long_gap_without_a_reset_is_only_told(circle):
     estimates = fly(circle[:100] + circle[170:])
     assert [event.name for _, event in events(estimates)] == ["regained"]
