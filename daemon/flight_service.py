@@ -126,6 +126,7 @@ class Service:
         self._journal.goal("submitted", goal_id, {**details, "preempted": preempted})
         log.info("goal", goal_id=goal_id, kind=order.kind, preempted=preempted, pid=caller.pid, uid=caller.uid)
         if engage:
+            self._commander.ask_engage()  # at once: a request that comes later is newer than this
             task = asyncio.get_running_loop().create_task(self._engage_for(goal_id))
             self._engaging.add(task)
             task.add_done_callback(self._engaging.discard)
@@ -263,7 +264,7 @@ class Service:
 
     async def _engage_for(self, goal_id: str) -> None:
         try:
-            await self._commander.engage_pending(lambda: self._vehicle.trajectory.goal_id == goal_id)
+            await self._commander.engaged(lambda: self._vehicle.trajectory.goal_id == goal_id)
         except (NotPossibleError, CommandRefusedError, CommandTimeoutError, NotConnectedError) as error:
             if self._vehicle.trajectory.goal_id == goal_id:
                 self._journal.event("engage_refused", str(error), goal_id)

@@ -13,7 +13,8 @@ from daemon.autopilot.port import (
     LinkError,
 )
 from daemon.latest import Latest
-from daemon.messages import FlightMode, LandedState, RequestKind, SystemStatus, VehicleRequest
+from daemon.loops.engageable import hindrances
+from daemon.messages import FlightMode, LandedState, RequestKind, VehicleRequest
 from daemon.pipeline import Record
 from daemon.safety.conditions import PILOT_MODES
 from daemon.safety.dead_man import SetpointGate
@@ -75,6 +76,12 @@ class Commander:
         record = self._record.value
         return record.supervision.state if record else State.DISCONNECTED
 
+    @property
+    def read(self) -> bool:
+        """Whether the supervisor has read the newest request."""
+        record, last = self._record.value, self._request.value
+        return last is None or (record is not None and record.supervision.serial == last.serial)
+
     async def arm(self) -> None:
         """Arm; done when telemetry shows it."""
         self._require_connected()
@@ -117,21 +124,22 @@ class Commander:
     async def engage(self) -> None:
         """Take the vehicle over from Hold; done when offboard is confirmed."""
         self._require_connected()
-        if self.state not in FLYING and self.state is not State.ENGAGING:
-            self.require_engageable()
+        self.ask_engage()
         turn = self._begin()
-        await self.engage_pending(lambda: self._turn == turn)
+        await self.engaged(lambda: self._turn == turn)
 
-    async def engage_pending(self, wanted: Callable[[], bool]) -> None:
-        """Engage for whoever still wants it (a goal that was submitted while ready)."""
-        self._require_connected()
-        if self.state in FLYING:
+    def ask_engage(self) -> None:
+        """Ask for the vehicle, unless it is ours or about to be. Raises ``NotPossibleError`` and asks for nothing."""
+        if self.state in FLYING or self.state is State.ENGAGING:
             return
-        if self.state is not State.ENGAGING:
-            self.require_engageable()
-            self._gate.unlatch()
-            self._post(RequestKind.ENGAGE)
-            await self._wait(wanted, lambda: self.state in OURS, 0.5, "engaging")
+        self.require_engageable()
+        self._autopilot.withdraw_commands()
+        self._gate.unlatch()
+        self._post(RequestKind.ENGAGE)
+
+    async def engaged(self, wanted: Callable[[], bool]) -> None:
+        """Wait for the end of an engage that was asked for, for whoever still wants it."""
+        await self._wait(wanted, lambda: self.state in OURS, 0.5, "engaging")
         words = ""
 
         def ended() -> bool:
@@ -147,33 +155,13 @@ class Commander:
 
     def require_engageable(self) -> None:
         """Raise ``NotPossibleError`` with what is missing, unless the vehicle could be engaged now."""
-        record = self._record.value
-        status = self._autopilot.status.value
+        self._require_connected()
+        record, status = self._record.value, self._autopilot.status.value
         if self.stopping:
             raise NotPossibleError("the daemon is stopping")
         if record is None or self.state not in (State.READY, State.PILOT, State.FAULT):
             raise NotPossibleError(f"cannot engage in state {self.state.value}; take off first")
-        missing = [
-            text
-            for fails, text in (
-                (not status.armed, "the vehicle is not armed"),
-                (status.landed is not LandedState.IN_AIR, f"landed state is {status.landed.name.lower()}"),
-                (status.mode is not FlightMode.HOLD, f"the mode is {status.mode.value}, not hold"),
-                (
-                    status.intended_mode not in (status.mode, FlightMode.UNKNOWN),
-                    f"the autopilot intends {status.intended_mode.value}: a failsafe acts",
-                ),
-                (
-                    status.system_status is not SystemStatus.ACTIVE,
-                    f"the autopilot's system status is {status.system_status.name.lower()}",
-                ),
-                (not record.conditions.state_usable, "there is no fresh estimate"),
-                (record.conditions.estimate_poor, "the position estimate is too uncertain"),
-                (record.conditions.estimate_worsens, "the position estimate is becoming uncertain"),
-                (record.conditions.attitude_disagrees, "the autopilot's attitude and its accelerometer disagree"),
-            )
-            if fails
-        ]
+        missing = hindrances(status, record, self._request.value, patience_s=self._timeouts.mode_s)
         if missing:
             raise NotPossibleError("cannot engage: " + ", ".join(missing))
 
@@ -182,7 +170,7 @@ class Commander:
         turn = await self._begin_leaving("hold")
         self._post(RequestKind.HOLD)
         await self._until_mode(turn, FlightMode.HOLD)
-        await self._until(turn, lambda: self.state is State.READY, self._timeouts.mode_s, "in Hold")
+        await self._until(turn, lambda: self.read and self.state is State.READY, self._timeouts.mode_s, "in Hold")
 
     async def land(self) -> None:
         """Land here; done when disarmed."""

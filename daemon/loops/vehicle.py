@@ -145,10 +145,9 @@ class Vehicle:
 
     def _is_taken(self) -> bool:
         """Whether the vehicle is ours, or an engage is on its way to the supervisor."""
-        last, record = self.request.value, self.record.value
+        last = self.request.value
         engages = last is not None and last.kind is RequestKind.ENGAGE
-        seen = record is not None and last is not None and record.supervision.serial == last.serial
-        return self.commander.state in OURS or (engages and not seen)
+        return self.commander.state in OURS or (engages and not self.commander.read)
 
 
 @contextlib.contextmanager

@@ -42,6 +42,7 @@ class Vehicle:
         self.status: Latest[AutopilotStatus] = Latest(status)
         self.record: Latest[Record | None] = Latest(None)
         self.request: Latest[VehicleRequest | None] = Latest(None)
+        self.seen = self.withdrawn = 0
         self.asked: list[CommandKind | RequestKind] = []
         self.altitude_amsl_m: float | None = None
         self.script: Callable[[CommandKind | RequestKind], None] = lambda _asked: None
@@ -53,7 +54,7 @@ class Vehicle:
         """What telemetry and the supervisor show from now on."""
         self.status.set(replace(self.status.value, **status))
         conditions = replace(NOTHING.conditions, state_usable=True, estimate_poor=False)
-        supervision = replace(NOTHING.supervision, state=state, reason=reason)
+        supervision = replace(NOTHING.supervision, state=state, reason=reason, serial=self.seen)
         estimate = replace(NOTHING.estimate, newest=AT_TEN_METRES)
         self.record.set(replace(NOTHING, supervision=supervision, conditions=conditions, estimate=estimate))
 
@@ -70,16 +71,17 @@ class Vehicle:
         self.altitude_amsl_m = command.altitude_amsl_m
         self._tell(command.kind)
 
-    def withdraw_commands(self) -> None: ...
+    def withdraw_commands(self) -> None:
+        self.withdrawn += 1
 
     async def watch(self) -> None:
         """The supervisor, which takes each request once."""
-        seen = 0
         while True:
-            request = self.request.value
-            if request is not None and request.serial != seen:
-                assert request.serial == seen + 1
-                seen = request.serial
+            request, record = self.request.value, self.record.value
+            if request is not None and record is not None and request.serial != self.seen:
+                assert request.serial == self.seen + 1
+                self.seen = request.serial
+                self.record.set(replace(record, supervision=replace(record.supervision, serial=self.seen)))
                 self._tell(request.kind)
             await asyncio.sleep(0.01)
 

@@ -121,7 +121,9 @@ def test_a_release_under_way_is_let_end_before_another_mode_is_asked() -> None:
 def test_an_engage_for_a_goal_ends_with_the_goal() -> None:
     async def scenario(vehicle: Vehicle) -> None:
         wanted = [True]
-        engage = asyncio.ensure_future(vehicle.commander.engage_pending(lambda: wanted[0]))
+        vehicle.commander.ask_engage()
+        assert vehicle.withdrawn == 1, "no command may come after it"
+        engage = asyncio.ensure_future(vehicle.commander.engaged(lambda: wanted[0]))
         answers(vehicle, {RequestKind.ENGAGE: lambda: vehicle.set(State.ENGAGING)})
         await asyncio.sleep(0.3)
         wanted[0] = False

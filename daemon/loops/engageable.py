@@ -1,0 +1,45 @@
+"""What hinders an engage, in words: the vehicle's state, and a mode that was asked for and may still come."""
+
+from daemon.messages import AutopilotStatus, FlightMode, LandedState, RequestKind, SystemStatus, VehicleRequest
+from daemon.pipeline import Record
+
+
+def hindrances(
+    status: AutopilotStatus, record: Record, request: VehicleRequest | None, *, patience_s: float
+) -> list[str]:
+    """``request`` is the newest, read or not; ``patience_s`` after it was asked for, a mode does not come any more."""
+    coming = _coming(status, record, request, patience_s)
+    return [
+        text
+        for fails, text in (
+            (coming is not None, f"{coming} was asked for and may still come"),
+            (not status.armed, "the vehicle is not armed"),
+            (status.landed is not LandedState.IN_AIR, f"landed state is {status.landed.name.lower()}"),
+            (status.mode is not FlightMode.HOLD, f"the mode is {status.mode.value}, not hold"),
+            (
+                status.intended_mode not in (status.mode, FlightMode.UNKNOWN),
+                f"the autopilot intends {status.intended_mode.value}: a failsafe acts",
+            ),
+            (
+                status.system_status is not SystemStatus.ACTIVE,
+                f"the autopilot's system status is {status.system_status.name.lower()}",
+            ),
+            (not record.conditions.state_usable, "there is no fresh estimate"),
+            (record.conditions.estimate_poor, "the position estimate is too uncertain"),
+            (record.conditions.estimate_worsens, "the position estimate is becoming uncertain"),
+            (record.conditions.attitude_disagrees, "the autopilot's attitude and its accelerometer disagree"),
+        )
+        if fails
+    ]
+
+
+def _coming(status: AutopilotStatus, record: Record, request: VehicleRequest | None, patience_s: float) -> str | None:
+    """The mode that is on its way: not yet read by the supervisor, or not yet shown or refused by the autopilot."""
+    supervision, refusal = record.supervision, status.mode_refusal
+    if request is not None and request.serial != supervision.serial and request.kind is not RequestKind.ENGAGE:
+        return request.kind.value
+    mode, asked_s = supervision.asked_mode, supervision.asked_s
+    if mode is None or mode is status.mode or record.now_s - asked_s > patience_s:
+        return None
+    refused = refusal is not None and refusal.mode is mode and refusal.time_s >= asked_s
+    return None if refused else mode.value

@@ -1,0 +1,58 @@
+"""A vehicle is not engaged while a mode that somebody asked for may still come, and no longer than that."""
+
+from dataclasses import replace
+
+import pytest
+from support.statuses import IN_HOLD
+from support.trajectory_rig import NOTHING
+
+from daemon.loops.engageable import hindrances
+from daemon.messages import FlightMode, ModeRefusal, RequestKind, VehicleRequest
+
+PATIENCE_S = 2.5
+NOW_S = 100.0
+
+
+def coming(
+    *,
+    unread: RequestKind | None = None,
+    asked: FlightMode | None = None,
+    ago_s: float = 0.1,
+    refusal: ModeRefusal | None = None,
+) -> list[str]:
+    supervision = replace(NOTHING.supervision, serial=6, asked_mode=asked, asked_s=NOW_S - ago_s)
+    conditions = replace(NOTHING.conditions, state_usable=True, estimate_poor=False)
+    record = replace(NOTHING, now_s=NOW_S, supervision=supervision, conditions=conditions)
+    request = VehicleRequest(6, RequestKind.TAKEOFF) if unread is None else VehicleRequest(7, unread)
+    return hindrances(replace(IN_HOLD, mode_refusal=refusal), record, request, patience_s=PATIENCE_S)
+
+
+def test_nothing_that_was_asked_for_hinders_nothing() -> None:
+    assert coming() == []
+
+
+@pytest.mark.parametrize("kind", [RequestKind.HOLD, RequestKind.LAND, RequestKind.RETURN, RequestKind.TAKEOFF])
+def test_a_request_that_the_supervisor_has_not_read_hinders(kind: RequestKind) -> None:
+    assert coming(unread=kind) == [f"{kind.value} was asked for and may still come"]
+
+
+def test_another_engage_that_was_not_read_does_not_hinder() -> None:
+    assert coming(unread=RequestKind.ENGAGE) == []
+
+
+@pytest.mark.parametrize(("ago_s", "hinders"), [(0.0, True), (2.4, True), (2.6, False)])
+def test_a_mode_that_does_not_show_hinders_for_as_long_as_it_may_come(ago_s: float, hinders: bool) -> None:
+    assert bool(coming(asked=FlightMode.RETURN, ago_s=ago_s)) is hinders
+
+
+def test_the_mode_that_the_vehicle_is_in_does_not_hinder() -> None:
+    assert coming(asked=FlightMode.HOLD) == []
+
+
+@pytest.mark.parametrize(
+    ("mode", "time_s", "hinders"),
+    [(FlightMode.LAND, 99.95, False), (FlightMode.LAND, 99.8, True), (FlightMode.OFFBOARD, 99.95, True)],
+)
+def test_a_mode_that_was_refused_since_does_not_hinder(mode: FlightMode, time_s: float, hinders: bool) -> None:
+    refusal = ModeRefusal(mode, "denied", time_s)
+    assert bool(coming(asked=FlightMode.LAND, refusal=refusal)) is hinders
