@@ -112,7 +112,7 @@ def goal_feedback(progress: Progress) -> results.GoalFeedback:
         "distance_m": round(progress.distance_m, 4),
         "angle_deg": round(degrees(progress.angle_rad), 3),
         "progress": round(progress.progress, 4),
-        "eta_s": round(max(0.0, progress.eta_s), 2) if isfinite(progress.eta_s) else None,
+        "eta_s": round(progress.eta_s, 2) if isfinite(progress.eta_s) else None,
     }
 
 

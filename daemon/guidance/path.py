@@ -48,7 +48,10 @@ def legs_to(start: Reference, position_ned_m: Vec3, yaw_rad: float, limits: Moti
 
 
 def stop_path(start: Reference, waypoints: tuple[WaypointGoal, ...], limits: MotionLimits) -> Plan:
-    """Time-optimal legs from waypoint to waypoint, at rest for ``hold_s`` in each."""
+    """Time-optimal legs from waypoint to waypoint, at rest for ``hold_s`` in each but the last.
+
+    The last one's hold is not planned: it begins when the vehicle has converged.
+    """
     legs: list[Plan] = []
     now = start
     for waypoint in waypoints:

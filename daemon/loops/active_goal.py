@@ -7,7 +7,7 @@ from math import degrees
 from daemon import frames
 from daemon.goals.results import Outcome
 from daemon.guidance.convergence import Tolerance, converged
-from daemon.guidance.goals import PathGoal, StreamGoal, WaypointGoal
+from daemon.guidance.goals import Goal, PathGoal, StreamGoal, WaypointGoal
 from daemon.guidance.plan import Plan
 from daemon.guidance.stream import StreamSample
 from daemon.guidance.waypoint_modes import Pose, PoseError, WaypointMode, pose_error
@@ -61,10 +61,22 @@ class ActiveGoal:
         if self.plan is None:
             return None, verdict
         self.entry.error_m, self.entry.error_deg = error.position_m, degrees(error.angle_rad)
-        progress = Progress(
-            order.goal_id, order.kind, error.position_m, error.angle_rad, plan.progress(now_s), plan.end_s - now_s
-        )
+        eta_s = max(0.0, plan.end_s - now_s) + self._hold_left_s(now_s)
+        progress = Progress(order.goal_id, order.kind, error.position_m, error.angle_rad, plan.progress(now_s), eta_s)
         return progress, verdict
+
+    @property
+    def _last(self) -> Goal:
+        """What is converged to and held: a goal, or the last waypoint of a path."""
+        goal = self.order.goal
+        return goal.waypoints[-1] if isinstance(goal, PathGoal) else goal
+
+    def _hold_left_s(self, now_s: float) -> float:
+        """What is left of the hold, which begins when the goal is reached."""
+        if self.canceled or not isinstance(self._last, WaypointGoal):
+            return 0.0
+        held_s = 0.0 if self.reached_s is None else now_s - self.reached_s
+        return max(0.0, self._last.hold_s - held_s)
 
     def _verdict(
         self, plan: Plan, error: PoseError, speed_m_s: float, now_s: float, flying_since_s: float
@@ -83,8 +95,7 @@ class ActiveGoal:
         return None
 
     def _reached(self, plan: Plan, error: PoseError, speed_m_s: float, now_s: float) -> bool:
-        goal = self.order.goal
-        last = goal.waypoints[-1] if isinstance(goal, PathGoal) else goal
+        goal, last = self.order.goal, self._last
         if self.reached_s is None:
             if not isinstance(goal, WaypointGoal) and now_s < plan.end_s:
                 return False
@@ -93,4 +104,4 @@ class ActiveGoal:
             if not reached:
                 return False
             self.reached_s = now_s
-        return now_s - self.reached_s >= (goal.hold_s if isinstance(goal, WaypointGoal) else 0.0)
+        return self._hold_left_s(now_s) <= 0.0

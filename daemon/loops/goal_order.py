@@ -33,7 +33,7 @@ class GoalOrder:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How far the active goal is; angles in radians."""
+    """How far the active goal is; angles in radians. ``eta_s``: the way that is left and the hold after it."""
 
     goal_id: str
     kind: str

@@ -6,9 +6,9 @@ from math import dist
 import pytest
 from support.trajectory_rig import FAR, INPUTS, NEAR, TICK_S, Rig, assert_smooth, run, to
 
-from daemon.frames import norm
+from daemon.frames import from_yaw, norm
 from daemon.guidance.convergence import Tolerance
-from daemon.guidance.goals import HoldGoal, StreamGoal
+from daemon.guidance.goals import Goal, HoldGoal, PathGoal, StreamGoal, Through
 from daemon.guidance.stream import StreamSample
 from daemon.messages import Reference, RequestKind, Vec3
 from daemon.safety.supervisor import State
@@ -26,6 +26,56 @@ def test_a_waypoint_succeeds_after_its_dwell_and_its_hold() -> None:
         await rig.wait(1.0)
         assert dist(rig.flown.position_ned_m, NEAR) < 1e-6
         assert rig.window.goal_id is None
+
+    run(scenario)
+
+
+@pytest.mark.parametrize("through", Through)
+@pytest.mark.parametrize("hold_s", [0.0, 15.0])
+def test_the_last_waypoint_of_a_path_is_held_as_a_waypoint_alone(through: Through, hold_s: float) -> None:
+    async def scenario(rig: Rig) -> None:
+        waypoints = (to((3.0, 0.0, -10.0)), to((3.0, 3.0, -10.0), hold_s=hold_s))
+        goal_id = rig.submit(PathGoal(waypoints=waypoints, through=through))
+        entry = await rig.end_of(goal_id)
+        assert entry.outcome == "succeeded"
+        near = next(r.time_s for r in rig.history if dist(r.position_ned_m, (3.0, 3.0, -10.0)) < 0.05)
+        assert rig.now_s - near == pytest.approx(hold_s + 0.8, abs=0.5)
+
+    run(scenario)
+
+
+@pytest.mark.parametrize(
+    "goal",
+    [
+        to(NEAR, hold_s=6.0),
+        to(NEAR, hold_s=6.0, attitude_wb=from_yaw(3.0), convergence=Tolerance(angle_rad=3.0, dwell_s=0.0)),
+        PathGoal(waypoints=(to(FAR, hold_s=2.0), to(NEAR, hold_s=6.0))),
+        PathGoal(waypoints=(to(FAR), to(NEAR, hold_s=6.0)), through=Through.FLY_BY),
+        HoldGoal(duration_s=4.0),
+    ],
+)
+def test_the_time_to_go_counts_the_hold_and_is_never_negative(goal: Goal) -> None:
+    async def scenario(rig: Rig) -> None:
+        entry = await rig.end_of(rig.submit(goal))
+        assert entry.outcome == "succeeded"
+        assert all(one.eta_s >= 0.0 for one in rig.progress)
+        left_s = [rig.now_s - 0.1 * i for i in range(len(rig.progress), 0, -1)]
+        told_s = [s + one.eta_s for s, one in zip(left_s, rig.progress, strict=True)]
+        assert all(-1.5 < told - rig.now_s < 1.5 for told in told_s)
+        assert rig.progress[-1].eta_s < 0.7
+
+    run(scenario)
+
+
+def test_a_cancelled_hold_has_nothing_to_go() -> None:
+    async def scenario(rig: Rig) -> None:
+        goal_id = rig.submit(to(NEAR, hold_s=60.0))
+        await rig.wait(10.0)
+        assert 50.0 < rig.progress[-1].eta_s < 60.0
+        rig.progress.clear()
+        rig.task.cancel()
+        await rig.end_of(goal_id)
+        assert all(one.eta_s < 0.5 for one in rig.progress)
 
     run(scenario)
 
@@ -50,7 +100,7 @@ def test_progress_is_told_ten_times_a_second_until_the_end() -> None:
         shares = [one.progress for one in rig.progress]
         assert shares == sorted(shares)
         assert {one.goal_id for one in rig.progress} == {goal_id}
-        etas = [one.eta_s + 0.1 * i for i, one in enumerate(rig.progress)]
+        etas = [one.eta_s + 0.1 * i for i, one in enumerate(rig.progress) if one.eta_s > 0.0]
         assert max(etas) - min(etas) < 0.05
         told = len(rig.progress)
         await rig.wait(1.0)
