@@ -40,8 +40,8 @@ _STEP_LIMIT_S = 10.0  # after a longer silence the attitude has to be set anew
 class MahonyParameters:
     """Gains and conventions of the filter. Raises ValueError on a value that the filter cannot run with.
 
-    ``magnetic_direction_w``: the field's direction in the world; None takes the dip from each measurement and turns its
-    horizontal part to the world's x axis (north), so that the magnetometer corrects the heading only.
+    ``magnetic_direction_w``: the field's direction in the world, which corrects the tilt too. None turns the field's
+    horizontal part to the world's x axis (north) about its z axis: the magnetometer corrects the heading only.
     ``half_rate_gyro``: iDynTree's integration, at half the rate (1 rad/s for 1 s turns 0.5 rad).
     """
 
@@ -49,7 +49,7 @@ class MahonyParameters:
     ki_1_s2: float = 0.0
     time_step_s: float = 0.01
     use_magnetometer: bool = False
-    confidence_magnetometer: float = 0.0  # 0 to 1; the accelerometer has the rest
+    confidence_magnetometer: float = 0.0  # 0 to 1; the accelerometer has the rest, and all of it without a field
     gravity_direction_w: Vec3 = (0.0, 0.0, -1.0)  # specific force at rest, FRD in NED
     magnetic_direction_w: Vec3 | None = None
     half_rate_gyro: bool = False
@@ -97,22 +97,22 @@ def measure(
     (a gyro that is not finite or beyond 1000 rad/s: the last one goes on), and is named in ``refused``.
     """
     refused: list[str] = []
-    confidence = parameters.confidence_magnetometer if parameters.use_magnetometer else 0.0
     attitude = state.attitude_wb
-    correction = ZERO3
-    acc = _direction(accelerometer_b)
-    if acc is None or not isfinite(accelerometer_weight):
-        refused.append("accelerometer")
-    else:
-        expected = rotate_inverse(attitude, _unit(parameters.gravity_direction_w))
-        correction = scale(cross(acc, expected), 0.5 * (1.0 - confidence) * clamp(accelerometer_weight, 0.0, 1.0))
+    correction, confidence = ZERO3, 0.0
     if parameters.use_magnetometer and magnetometer_b is not None:
         mag = _direction(magnetometer_b)
         if mag is None:
             refused.append("magnetometer")
         else:
-            expected = rotate_inverse(attitude, _field_direction(attitude, mag, parameters))
-            correction = add(correction, scale(cross(mag, expected), 0.5 * confidence))
+            confidence = parameters.confidence_magnetometer
+            correction = scale(_field_error(attitude, mag, parameters), 0.5 * confidence)
+    acc = _direction(accelerometer_b)
+    if acc is None or not isfinite(accelerometer_weight):
+        refused.append("accelerometer")
+    else:
+        expected = rotate_inverse(attitude, _unit(parameters.gravity_direction_w))
+        weight = 0.5 * (1.0 - confidence) * clamp(accelerometer_weight, 0.0, 1.0)
+        correction = add(scale(cross(acc, expected), weight), correction)
     gyro = gyro_b_rad_s
     if not norm(gyro) <= _GYRO_LIMIT_RAD_S:  # NaN is not
         refused.append("gyro")
@@ -180,8 +180,9 @@ def _direction(v: Vec3) -> Vec3 | None:
     return _unit(v) if isfinite(length) and length > _TINY else None
 
 
-def _field_direction(attitude_wb: Quat, magnetometer_b: Vec3, parameters: MahonyParameters) -> Vec3:
+def _field_error(attitude_wb: Quat, magnetometer_b: Vec3, parameters: MahonyParameters) -> Vec3:
+    """Measured times expected field, in the body: of the whole vectors, or of their horizontal parts in the world."""
     if parameters.magnetic_direction_w is not None:
-        return _unit(parameters.magnetic_direction_w)
-    field = rotate(attitude_wb, magnetometer_b)
-    return (hypot(field[0], field[1]), 0.0, field[2])
+        return cross(magnetometer_b, rotate_inverse(attitude_wb, _unit(parameters.magnetic_direction_w)))
+    north, east, _ = rotate(attitude_wb, magnetometer_b)
+    return rotate_inverse(attitude_wb, (0.0, 0.0, -east * hypot(north, east)))

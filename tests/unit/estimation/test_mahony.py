@@ -21,6 +21,7 @@ from daemon.estimation.mahony import (
     propagate,
     with_orientation,
 )
+from daemon.frames import rotate, rotate_inverse
 
 Z_UP = (0.0, 0.0, 1.0)
 G = 9.80665
@@ -110,7 +111,10 @@ def test_random_sequences_as_idyntree(confidence):
 
 @pytest.mark.parametrize("with_mag", [False, True])
 def test_random_sequences_as_ahrs(with_mag):
-    """ahrs weighs each vector by 1 (here 1/2 x 1/2 with the magnetometer), updates the bias first, north is its y."""
+    """ahrs weighs each vector by 1 (here 1/2 x 1/2 with the magnetometer), updates the bias first, north is its y.
+
+    Its field corrects the tilt as well, by its dip: here the field has none in the world of the estimate.
+    """
     weight = 0.25 if with_mag else 0.5
     dt, kp, ki = 0.001, 0.8, 0.05
     samples = random_samples(5, 2000, with_mag)
@@ -125,15 +129,17 @@ def test_random_sequences_as_ahrs(with_mag):
     oracle = ahrs.filters.Mahony(k_P=kp, k_I=ki, Dt=dt, b0=np.zeros(3))
     turn = Rotation.from_euler("z", 90, degrees=True)
     q = turn.as_quat(scalar_first=True) if with_mag else np.array((1.0, 0.0, 0.0, 0.0))
+    state = MahonyState()
     for acc, gyro, mag in samples:
         if with_mag:
+            mag = rotate_inverse(state.attitude_wb, (mag[0], mag[1], 0.0))
             q = oracle.updateMARG(q, np.array(gyro), np.array(acc), np.array(mag))
         else:
             q = oracle.updateIMU(q, np.array(gyro), np.array(acc))
+        state = run(parameters, [(acc, gyro, mag)], state)
     theirs = Rotation.from_quat(q, scalar_first=True)
     if with_mag:
         theirs = turn.inv() * theirs
-    state = run(parameters, samples)
     ours = Rotation.from_quat(state.attitude_wb, scalar_first=True)
     assert (ours.inv() * theirs).magnitude() < 3e-5  # one order of dt apart
     np.testing.assert_allclose(state.bias_b_rad_s, oracle.b, rtol=0, atol=3e-6)
@@ -165,6 +171,35 @@ def test_magnetometer_turns_the_heading_to_north_and_leaves_the_tilt():
     field_b = (0.2 * cos(yaw), -0.2 * sin(yaw), 0.4)  # north and down, seen from a body that heads to yaw
     state = run(parameters, [((0.0, 0.0, -G), (0.0, 0.0, 0.0), field_b)] * 20000)
     assert orientation_rpy(state) == pytest.approx((0.0, 0.0, yaw), abs=1e-5)
+
+
+@pytest.mark.parametrize("dip", [0.0, pi / 3, -pi / 3])
+@pytest.mark.parametrize("error", [0.5, pi / 2, 3.0])
+def test_a_wrong_heading_is_corrected_without_a_tilt(dip, error):
+    parameters = MahonyParameters(kp_1_s=4.0, use_magnetometer=True, confidence_magnetometer=0.5)
+    state = with_orientation(MahonyState(), (cos(0.5 * error), 0.0, 0.0, sin(0.5 * error)))
+    for _ in range(4000):
+        state = run(parameters, [((0.0, 0.0, -G), (0.0, 0.0, 0.0), (cos(dip), 0.0, sin(dip)))], state)
+        roll, pitch, yaw = orientation_rpy(state)
+        assert (roll, pitch) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert yaw == pytest.approx(0.0, abs=2e-3)
+
+
+def test_the_field_turns_about_the_vertical_however_the_vehicle_is_tilted():
+    parameters = MahonyParameters(use_magnetometer=True, confidence_magnetometer=1.0)
+    state = with_orientation(MahonyState(), tuple(Rotation.from_rotvec((0.3, -0.6, 0.9)).as_quat(scalar_first=True)))
+    seen = measure(state, (0.0, 0.0, -G), (0.0, 0.0, 0.0), (0.4, 0.1, 0.7), parameters=parameters)
+    x, y, z = rotate(state.attitude_wb, seen.correction_b)
+    assert (x, y) == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert abs(z) > 0.002
+
+
+@pytest.mark.parametrize("field", [None, (float("nan"),) * 3, (0.0, 0.0, 0.0)])
+def test_without_a_field_the_accelerometer_has_all_the_weight(field):
+    parameters = MahonyParameters(kp_1_s=4.0, use_magnetometer=True, confidence_magnetometer=1.0)
+    start = with_orientation(MahonyState(), (cos(0.25), sin(0.25), 0.0, 0.0))
+    state = run(parameters, [((0.0, 0.0, -G), (0.0, 0.0, 0.0), field)] * 1000, start)
+    assert orientation_rpy(state) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
 
 
 def test_a_standing_gyro_bias_is_found():
