@@ -37,7 +37,7 @@ def _coming(status: AutopilotStatus, record: Record, request: VehicleRequest | N
     """The mode that is on its way: not yet read by the supervisor, or not yet shown or refused by the autopilot."""
     supervision, refusal = record.supervision, status.mode_refusal
     if request is not None and request.serial != supervision.serial and request.kind is not RequestKind.ENGAGE:
-        return request.kind.value
+        return str(request.kind.value)
     mode, asked_s = supervision.asked_mode, supervision.asked_s
     if mode is None or mode is status.mode or record.now_s - asked_s > patience_s:
         return None
