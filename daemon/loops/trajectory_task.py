@@ -257,8 +257,10 @@ class TrajectoryTask:
         return planner.plan(start, goal, order.limits, self._parameters())
 
     def _plan_ahead(self, active: ActiveGoal, flown: Reference) -> None:
-        """Plan beside the loop, from where the plan that is being flown will be then."""
-        before = self.plan.value or brake(flown, self._limits())
+        """Plan beside the loop, from where the plan that is being flown, or a brake, will be then."""
+        record = self._record.value
+        goes_on = record is not None and flown is record.reference
+        before = (self.plan.value if goes_on else None) or brake(flown, self._limits())
         self._rest = before
         needed = before.remaining(flown.time_s)
         active.ahead = asyncio.get_running_loop().create_task(self._plan_beside(active, needed, self._shift.count))

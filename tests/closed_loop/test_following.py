@@ -3,6 +3,7 @@
 import asyncio
 from math import dist, hypot
 
+import pytest
 from support.flight import CALLER, Flight, fly
 
 from daemon.goals import methods
@@ -42,13 +43,18 @@ def test_a_canceled_goal_stops_the_vehicle_where_it_is_not_where_its_reference_h
     fly(scenario)
 
 
-def test_a_new_goal_starts_from_a_vehicle_that_its_reference_has_left_behind():
+@pytest.mark.parametrize("through", ["waypoint", "stop", "fly_by"])
+def test_a_new_goal_starts_from_a_vehicle_that_its_reference_has_left_behind(through: str):
     async def scenario(flight: Flight) -> None:
         await _in_head_wind(flight)
         await flight.submit(waypoint={"position": [100.0, 0.0, -5.0]})
         await _behind(flight)
         where = flight.position
-        await flight.submit(waypoint={"position": [where[0], 20.0, -5.0]})
+        first, second = ({"position": [where[0], east, -5.0]} for east in (20.0, 30.0))
+        if through == "waypoint":
+            await flight.submit(waypoint=first)
+        else:
+            await flight.submit(path={"waypoints": [first, second], "through": through})
         await asyncio.sleep(0.15)
         reference = flight.records[-1].reference
         assert reference is not None

@@ -1,4 +1,4 @@
-"""A goal that comes to a vehicle in Hold just after, or just before, a request for another mode: the request is done."""
+"""A goal that comes to a vehicle in Hold just after, or just before, a request for another mode: that is done."""
 
 import asyncio
 
