@@ -73,11 +73,16 @@ def thrust_rate(thrust_ned_m_s2: Vec3, thrust_derivative_ned_m_s3: Vec3) -> floa
 
 
 def body_rates(
-    attitude_wb: Quat, thrust_ned_m_s2: Vec3, thrust_derivative_ned_m_s3: Vec3, yaw_rad: float, yaw_rate_rad_s: float
+    attitude_wb: Quat,
+    thrust_ned_m_s2: Vec3,
+    thrust_derivative_ned_m_s3: Vec3,
+    yaw_rad: float,
+    yaw_rate_rad_s: float,
+    heading_axis: HeadingAxis = HeadingAxis.NOSE,
 ) -> Vec3:
     """Body rates (FRD, rad/s) that turn the thrust axis with the thrust vector's derivative and the nose with the yaw.
 
-    Free fall and a nose that points along the vertical give zero for what is undefined.
+    Free fall, and a heading along the axis that it is told by, give zero for what is undefined.
     """
     length = norm(thrust_ned_m_s2)
     if length < FREE_FALL_M_S2:
@@ -86,7 +91,10 @@ def body_rates(
     roll_rate, pitch_rate = jy / length, -jx / length
     c, s = cos(yaw_rad), sin(yaw_rad)
     side = rotate_inverse(attitude_wb, (-s, c, 0.0))
-    if abs(side[1]) < _HEADING_MIN:
-        return (roll_rate, pitch_rate, 0.0)
-    ahead_x = rotate_inverse(attitude_wb, (c, s, 0.0))[0]
-    return (roll_rate, pitch_rate, (yaw_rate_rad_s * ahead_x + pitch_rate * side[2]) / side[1])
+    ahead = rotate_inverse(attitude_wb, (c, s, 0.0))
+    # The nose stays square to the heading's side, or the right side to the heading: the products' derivatives are zero.
+    if heading_axis is HeadingAxis.NOSE:
+        turning, along = yaw_rate_rad_s * ahead[0] + pitch_rate * side[2], side[1]
+    else:
+        turning, along = yaw_rate_rad_s * side[1] + roll_rate * ahead[2], ahead[0]
+    return (roll_rate, pitch_rate, turning / along if abs(along) >= _HEADING_MIN else 0.0)

@@ -84,7 +84,7 @@ def fly(
     desired_wb = flatness.attitude_from_thrust(thrust, yaw_rad, attitude_wb, p.heading_axis)
     feed_forward, slow = ZERO3, None
     if p.rate_feed_forward:
-        wanted = flatness.body_rates(desired_wb, thrust, derivative, yaw_rad, reference.yaw_rate_rad_s)
+        wanted = flatness.body_rates(desired_wb, thrust, derivative, yaw_rad, reference.yaw_rate_rad_s, p.heading_axis)
         lead, slow = _lead(memory, wanted, dt_s, p)
         feed_forward = rotate(multiply(conjugate(attitude_wb), desired_wb), lead)
     rates = add(_attitude_rates(attitude_wb, desired_wb, thrust, p), feed_forward)

@@ -42,7 +42,7 @@ def reference_drag(
     derivative, thrust = with_velocity, subtract(bare_ned_m_s2, drag)
     for _ in range(_PASSES):
         turning = subtract(reference.jerk_ned_m_s3, derivative)
-        rates = body_rates(flat_wb, thrust, turning, reference.yaw_rad, reference.yaw_rate_rad_s)
+        rates = body_rates(flat_wb, thrust, turning, reference.yaw_rad, reference.yaw_rate_rad_s, heading_axis)
         derivative = add(with_velocity, _with_attitude(flat_wb, rates, velocity, drag_1_s))
     return drag, derivative
 

@@ -48,9 +48,9 @@ def exact(t: float, drag: Vec3) -> tuple[Rotation, float]:
     return attitude(found), float(found[2])
 
 
-def flown(wanted: Reference, drag: Vec3) -> Flow:
+def flown(wanted: Reference, drag: Vec3, axis: HeadingAxis = HeadingAxis.NOSE) -> Flow:
     """One pass through the law for a vehicle that is where the reference is."""
-    p = ControlParameters(drag_1_s=drag, tilt_max_rad=1.4, lag_compensation=False)
+    p = ControlParameters(drag_1_s=drag, heading_axis=axis, tilt_max_rad=1.4, lag_compensation=False)
     q = flatness.attitude_from_thrust(_bare(wanted), wanted.yaw_rad, IDENTITY)
     state = EstimatedState(wanted.time_s, wanted.position_ned_m, wanted.velocity_ned_m_s, q, (0.0, 0.0, 0.0))
     return law.fly(VehicleModel(hover_thrust=0.4), law.NOTHING, state, wanted, 0.01, p)
@@ -88,6 +88,16 @@ def _turn(desired_wb: Quat, wanted: Reference) -> Quat:
     """From the body that flew in ``flown`` to the wanted one."""
     now_wb = flatness.attitude_from_thrust(_bare(wanted), wanted.yaw_rad, IDENTITY)
     return frames.multiply(frames.conjugate(desired_wb), now_wb)
+
+
+@pytest.mark.parametrize("axis", HeadingAxis)
+@pytest.mark.parametrize("drag", [(0.0, 0.0, 0.0), (0.5, 0.2, 0.1)])
+def test_the_rates_that_are_fed_forward_turn_the_attitude_that_is_wanted(axis: HeadingAxis, drag: Vec3) -> None:
+    for t in np.linspace(0.0, 20.0, 40):
+        behind, now, ahead = (flown(reference(t + h), drag, axis).record for h in (-1e-4, 0.0, 1e-4))
+        turned = frames.log(frames.multiply(frames.conjugate(behind.desired_wb), ahead.desired_wb))
+        fed = frames.rotate(_turn(now.desired_wb, wanted=reference(t)), now.feed_forward_frd_rad_s)
+        assert fed == pytest.approx(frames.scale(turned, 0.5 / 1e-4), abs=2e-3)
 
 
 def test_the_derivative_is_that_of_the_drag() -> None:
