@@ -37,14 +37,25 @@ def test_a_path_passes_its_waypoints_in_order(through: str) -> None:
     fly(scenario)
 
 
-@pytest.mark.parametrize("direction", ["cw", "ccw"])
-def test_a_circle_keeps_its_radius_and_its_sense(direction: str) -> None:
+@pytest.mark.parametrize(
+    ("frame", "center", "direction", "clockwise_from_above"),
+    [
+        ("local_ned", [0.0, 10.0, -6.0], "cw", True),
+        ("local_ned", [0.0, 10.0, -6.0], "ccw", False),
+        ("local_enu", [10.0, 0.0, 6.0], "cw", False),
+        ("local_enu", [10.0, 0.0, 6.0], "ccw", True),
+    ],
+)
+def test_a_circle_keeps_its_radius_and_its_sense(
+    frame: str, center: list[float], direction: str, clockwise_from_above: bool
+) -> None:
     async def scenario(flight: Flight) -> None:
         await flight.airborne()
         goal_id = await flight.submit(
             trajectory={
                 "kind": "circle",
-                "center": [0.0, 10.0, -6.0],
+                "frame": frame,
+                "center": center,
                 "radius_m": 5.0,
                 "speed_m_s": 2.0,
                 "turns": 1,
@@ -61,7 +72,7 @@ def test_a_circle_keeps_its_radius_and_its_sense(direction: str) -> None:
             v = flight.px4.truth.velocity_ned_m_s
             turned.append(n * v[1] - e * v[0])
             await asyncio.sleep(0.01)
-        assert all((t > 0) == (direction == "cw") for t in turned)
+        assert all((t > 0) == clockwise_from_above for t in turned)
         q = flight.px4.truth.attitude_wb
         towards = frames.wrap_pi(frames.yaw_of(q) - frames.yaw_of(frames.from_yaw(_bearing(flight.position))))
         assert abs(towards) < radians(25.0)
@@ -220,5 +231,22 @@ def test_a_stream_of_wild_jerks_and_yaw_rates_is_followed_within_the_limits() ->
         assert max(abs(r.yaw_rate_rad_s) for r in flown) <= limits.yaw_rate_rad_s * 1.001
         assert max(hypot(*r.velocity_ned_m_s[:2]) for r in flown) > 2.0
         assert max(abs(r.yaw_rate_rad_s) for r in flown) > 0.5
+
+    fly(scenario)
+
+
+@pytest.mark.parametrize("through", ["stop", "fly_by"])
+def test_a_path_stays_at_its_last_waypoint_as_long_as_that_says(through: str) -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne()
+        corner, end = {"position": [4.0, 0.0, -5.0]}, {"position": [4.0, 4.0, -5.0], "hold_s": 6.0}
+        goal_id = await flight.submit(path={"waypoints": [corner, end], "through": through})
+        there_s = None
+        while not flight.ended:
+            near = dist(flight.position, (4.0, 4.0, -5.0)) < 0.3
+            there_s = flight.now_s if near and there_s is None else there_s
+            await asyncio.sleep(0.01)
+        assert (await flight.result(goal_id)).outcome == "succeeded"
+        assert there_s is not None and flight.now_s - there_s > 6.0
 
     fly(scenario)
