@@ -2,6 +2,7 @@
 
 from bisect import bisect_left
 from dataclasses import replace
+from math import inf
 
 from daemon.frames import from_yaw, yaw_of
 from daemon.guidance.brake import brake
@@ -10,7 +11,7 @@ from daemon.guidance.heading import HeadedPlan, HeadingWish, along_velocity
 from daemon.guidance.jerk_limited import to_goal
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.minimum_snap import MinimumSnapPlan, through
-from daemon.guidance.plan import Plan, SequencePlan
+from daemon.guidance.plan import HoldPlan, Plan, SequencePlan
 from daemon.guidance.waypoint_modes import Pose, WaypointMode, goal_pose
 from daemon.messages import Reference, Vec3
 
@@ -38,17 +39,20 @@ def rest_after(plan: Plan, hold_s: float = 0.0) -> Reference:
 
 
 def legs_to(start: Reference, position_ned_m: Vec3, yaw_rad: float, limits: MotionLimits) -> tuple[Plan, ...]:
-    """One leg to rest in a place, exactly and at a known time; two when the start has to be braked first."""
+    """One leg to rest in a place, exactly and at a known time; two when the start has to be braked first.
+
+    To a place too far for ruckig (more than 7600 s) there is no leg: the plan rests where it stops, without end.
+    """
     direct = to_goal(start, position_ned_m, yaw_rad, limits)
     if direct is not None:
         return (direct,)
     stopped = brake(start, limits)
     onward = to_goal(rest_after(stopped), position_ned_m, yaw_rad, limits)
-    return (stopped,) if onward is None else (stopped, onward)
+    return stopped, onward or HoldPlan(rest_after(stopped), inf)
 
 
 def stop_path(start: Reference, waypoints: tuple[WaypointGoal, ...], limits: MotionLimits) -> Plan:
-    """Time-optimal legs from waypoint to waypoint, at rest for ``hold_s`` in each but the last.
+    """Time-optimal legs between waypoints, at rest for ``hold_s`` in each but the last; up to a leg without end.
 
     The last one's hold is not planned: it begins when the vehicle has converged.
     """
@@ -57,6 +61,8 @@ def stop_path(start: Reference, waypoints: tuple[WaypointGoal, ...], limits: Mot
     for waypoint in waypoints:
         pose = waypoint_pose(now, waypoint, limits)
         legs += legs_to(now, pose.position_ned_m, yaw_of(pose.attitude_wb), limits)
+        if legs[-1].end_s == inf:
+            break
         now = rest_after(legs[-1], waypoint.hold_s)
     return SequencePlan(tuple(legs))
 

@@ -60,7 +60,8 @@ def path_refusal(plan: Plan, goal: Goal, reach: Reach) -> Refusal | None:
     """
     lasts_s, allowed_s = plan.end_s - plan.start_s, 2.0 * reach.max_duration_s  # the goal, and the way there
     if not lasts_s <= allowed_s:
-        return Refusal(_place_of(goal), f"takes {lasts_s:.0f} s; at most {allowed_s:g} s are allowed")
+        takes = f"{lasts_s:.0f} s" if isfinite(lasts_s) else "too long to be planned"
+        return Refusal(_place_of(goal), f"takes {takes}; at most {allowed_s:g} s are allowed")
     if isinstance(goal, PolynomialGoal):
         for reference in plan.outline(_OUTLINE):
             excess = motion_excess(reference.velocity_ned_m_s, reference.acceleration_ned_m_s2, reach.limits)

@@ -1,5 +1,6 @@
 """What is refused, with the field at fault and the reason in words."""
 
+from dataclasses import replace
 from math import nan, radians
 
 import pytest
@@ -12,6 +13,7 @@ from daemon.guidance.goals import (
     PolynomialGoal,
     ShapeGoal,
     StreamGoal,
+    Through,
     WaypointGoal,
 )
 from daemon.guidance.heading import PointHeading
@@ -140,3 +142,33 @@ def test_a_polynomial_that_grows_beyond_the_limits_is_refused() -> None:
     assert found is not None
     assert found.field == "trajectory.jerk_m_s3"
     assert "is more than the" in found.reason
+
+
+SLOW = Reach(limits=MotionLimits().tightened(speed_m_s=0.1), max_distance_m=1000.0)
+FAR_AND_BACK = (at(900.0, 0.0, -10.0), at(0.0, 10.0, -10.0))  # 9000 s there; the profile ends at 7600 s
+
+
+@pytest.mark.parametrize(
+    "goal",
+    [
+        PathGoal(waypoints=FAR_AND_BACK),
+        PathGoal(waypoints=FAR_AND_BACK, through=Through.FLY_BY),
+        PathGoal(waypoints=FAR_AND_BACK[::-1]),
+        circle(shape={"center_ned_m": (900.0, 0.0, -10.0)}, speed_m_s=0.05, turns=0.1),
+    ],
+)
+def test_a_place_that_takes_too_long_to_get_to_is_refused_and_never_left_out(goal: Goal) -> None:
+    start = replace(START, velocity_ned_m_s=(0.05, 0.05, 0.0))
+    way = plan(start, goal, SLOW.limits, GuidanceParameters())
+    found = path_refusal(way, goal, SLOW)
+    assert found is not None
+    assert "takes " in found.reason and "at most 7200 s are allowed" in found.reason
+    assert way.end_s > 7200.0
+
+
+def test_a_path_that_was_refused_for_its_length_would_still_not_leave_a_place_out() -> None:
+    way = plan(START, PathGoal(waypoints=FAR_AND_BACK), SLOW.limits, GuidanceParameters())
+    for time_s in (10.0, 1e3, 1e6):
+        flown = way.sample(time_s)
+        assert flown.position_ned_m == START.position_ned_m and flown.velocity_ned_m_s == ZERO3
+    assert way.progress(1e6) == 0.0
