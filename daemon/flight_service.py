@@ -166,7 +166,8 @@ class Service:
             raise ProtocolError(ErrorCode.NOT_PERMITTED, "another connection submitted this goal", "goal_id")
         now_s = asyncio.get_running_loop().time()
         sample = orders.stream_sample(params, now_s)
-        orders.refuse(orders.stream_refusal(sample, active.limits, self._vehicle.fence, now_s))
+        streamed, limits, fence = self._vehicle.trajectory.streamed, active.limits, self._vehicle.fence
+        orders.refuse(orders.stream_refusal(sample, streamed, limits, fence, now_s))
         self._vehicle.trajectory.stream(sample)
 
     def estimator_pose(self, params: methods.EstimatorPose, caller: Caller) -> None:

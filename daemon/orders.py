@@ -263,12 +263,14 @@ def stream_sample(params: ReferenceSet, now_s: float) -> StreamSample:
     )
 
 
-def stream_refusal(sample: StreamSample, limits: MotionLimits, fence: Geofence, now_s: float) -> Refusal | None:
-    """What is wrong with a reference from outside, or None."""
+def stream_refusal(
+    sample: StreamSample, before: StreamSample | None, limits: MotionLimits, fence: Geofence, now_s: float
+) -> Refusal | None:
+    """What is wrong with a reference from outside that comes after another one, or None."""
     senseless = _stamp_refusal(sample.stamp_s, now_s)
     if senseless is not None:
         return senseless
-    found = sample_refusal(sample, limits)
+    found = sample_refusal(sample, before, limits)
     if found is not None:
         return Refusal(*found)
     outside = violation(fence, sample.position_ned_m)

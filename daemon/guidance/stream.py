@@ -33,8 +33,13 @@ class StreamSample:
     yaw_rate_rad_s: float | None = None
 
 
-def sample_refusal(sample: StreamSample, limits: MotionLimits) -> tuple[str, str] | None:
-    """Field and reason when a sample is not finite or beyond the limits; the fence is the caller's."""
+def sample_refusal(sample: StreamSample, before: StreamSample | None, limits: MotionLimits) -> tuple[str, str] | None:
+    """Field and reason when a sample is no newer than the one before, not finite or beyond the limits.
+
+    The fence is the caller's.
+    """
+    if before is not None and not sample.stamp_s > before.stamp_s:
+        return "stamp_s", "is not after that of the reference before"
     vectors = {
         "position": sample.position_ned_m,
         "velocity": sample.velocity_ned_m_s,

@@ -85,6 +85,11 @@ class TrajectoryTask:
         return self._active.order if self._active else None
 
     @property
+    def streamed(self) -> StreamSample | None:
+        """The newest reference of the active goal, if that is a stream."""
+        return self._active.streamed if self._active else None
+
+    @property
     def canceled(self) -> bool:
         """Whether the active goal brakes because it was canceled."""
         return self._active is not None and self._active.canceled

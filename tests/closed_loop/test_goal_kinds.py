@@ -190,6 +190,26 @@ def test_a_streamed_reference_is_followed_and_its_silence_brakes_and_aborts() ->
     fly(scenario)
 
 
+def test_a_streamed_reference_that_comes_after_a_newer_one_is_refused_and_changes_nothing() -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne()
+        goal_id = await flight.submit(stream={})
+        still = {"goal_id": goal_id, "position": [0.0, 0.0, -5.0], "velocity": [0.0, 0.0, 0.0]}
+        moved = {"goal_id": goal_id, "position": [4.0, 0.0, -5.0], "velocity": [1.0, 0.0, 0.0]}
+        now_s = flight.now_s
+        flight.service.reference_set(ReferenceSet.model_validate({**still, "stamp_s": now_s}), CALLER)
+        await asyncio.sleep(0.02)
+        plan = flight.vehicle.trajectory.plan.value
+        for stamp_s in (now_s, now_s - 0.05):
+            with pytest.raises(ProtocolError) as error:
+                flight.service.reference_set(ReferenceSet.model_validate({**moved, "stamp_s": stamp_s}), CALLER)
+            assert (error.value.code, error.value.field) == (ErrorCode.REFUSED, "stamp_s")
+        await asyncio.sleep(0.02)
+        assert flight.vehicle.trajectory.plan.value is plan
+
+    fly(scenario)
+
+
 def test_a_stream_takes_references_from_its_own_connection_and_within_limits_only() -> None:
     async def scenario(flight: Flight) -> None:
         await flight.airborne()

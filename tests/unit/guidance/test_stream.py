@@ -103,7 +103,15 @@ def test_a_leap_of_the_velocity_gives_no_more_acceleration_than_allowed() -> Non
     ],
 )
 def test_a_sample_beyond_the_limits_is_refused_by_name(change: dict[str, object], field: str) -> None:
-    refused = sample_refusal(replace(circling(0.0), **change), LIMITS)  # type: ignore[arg-type]
+    refused = sample_refusal(replace(circling(0.0), **change), None, LIMITS)  # type: ignore[arg-type]
     assert refused is not None
     assert refused[0] == field
-    assert sample_refusal(circling(0.0), LIMITS) is None
+    assert sample_refusal(circling(0.0), None, LIMITS) is None
+
+
+def test_a_sample_that_is_not_newer_than_the_last_is_refused() -> None:
+    for stamp_s in (1.0, 0.98):
+        refused = sample_refusal(circling(stamp_s), circling(1.0), LIMITS)
+        assert refused is not None
+        assert refused[0] == "stamp_s"
+    assert sample_refusal(circling(1.02), circling(1.0), LIMITS) is None

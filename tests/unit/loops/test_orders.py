@@ -341,7 +341,7 @@ def test_a_streamed_reference_without_a_stamp_is_of_now() -> None:
     ],
 )
 def test_a_streamed_reference_is_refused_by_field(changes: dict[str, Any], field: str | None) -> None:
-    found = orders.stream_refusal(orders.stream_sample(sample(**changes), 50.0), LIMITS, FENCE, 50.0)
+    found = orders.stream_refusal(orders.stream_sample(sample(**changes), 50.0), None, LIMITS, FENCE, 50.0)
     assert (None if found is None else found.field) == field
 
 
