@@ -32,7 +32,9 @@ class HeadingName(StrEnum):
 
 SpeedOption = Annotated[float, typer.Option("--speed", parser=number, metavar="M/S", help="Speed along the shape.")]
 TurnsOption = Annotated[float, typer.Option("--turns", parser=number, metavar="N", help="How many times around.")]
-DirectionOption = Annotated[Direction, typer.Option("--direction", help="Sense of the turn.")]
+DirectionOption = Annotated[
+    Direction, typer.Option("--direction", help="Sense, seen along the axis: from above, but from below in local_enu.")
+]
 HeadingOption = Annotated[HeadingName, typer.Option("--heading", help="Where the vehicle looks.")]
 
 

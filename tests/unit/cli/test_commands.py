@@ -147,3 +147,8 @@ def test_run_refuses_a_connection_that_is_none(flightd):
     done = flightd("run", "--connection", "foo://bar")
     assert done.returncode == 2
     assert "link.connection: 'foo://bar' is no connection" in done.err
+
+
+def test_the_help_of_a_circle_says_from_where_its_sense_is_seen(flightd):
+    said = " ".join(flightd("fly", "circle", "--help").out.split())
+    assert "seen along the axis: from above, but from below in local_enu" in said
