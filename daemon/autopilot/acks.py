@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from daemon.autopilot.events import RESULT_ACCEPTED, RESULT_IN_PROGRESS
 from daemon.autopilot.port import CommandRefusedError, CommandTimeoutError, LinkError
-from daemon.autopilot.px4 import Message
+from daemon.autopilot.px4 import CMD_TAKEOFF, Message
 from daemon.messages import FlightMode
 
 
@@ -132,6 +132,13 @@ class CommandAcks:
                 pending.message = (name, fields | {"confirmation": fields["confirmation"] + 1})
                 again.append(pending.message)
         return again
+
+    def mode_changed(self, mode: FlightMode) -> None:
+        """A take-off that shows counts as acknowledged. Nothing is repeated: somebody else may have the vehicle now."""
+        for command, pending in list(self._pending.items()):
+            pending.resend_s = float("inf")
+            if command == CMD_TAKEOFF and mode is FlightMode.TAKEOFF:
+                self.ack(command, RESULT_ACCEPTED, 0.0)
 
     def drop(self, done: Done) -> None:
         """Whoever gave this does not wait any more: the command is not repeated."""

@@ -104,10 +104,13 @@ class Px4Session:
         if handler is None:
             return
         self.monitor.count(name)
+        mode = self.status.value.mode
         try:
             handler(fields, now_s)
         except (KeyError, TypeError, ValueError, IndexError):
             self._count_malformed(name)
+        if self.status.value.mode is not mode:
+            self._commands.mode_changed(self.status.value.mode)
 
     def receive_sample(self, name: str, fields: Fields, now_s: float) -> bool:
         """The hot path of ODOMETRY and HIGHRES_IMU: only writes the cell, so another thread may call it.

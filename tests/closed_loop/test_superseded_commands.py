@@ -1,4 +1,4 @@
-"""A command that was never acknowledged is sent again, but not into the request that has superseded it."""
+"""A command that was never acknowledged is sent again, but not to a vehicle that somebody else has asked or taken."""
 
 import asyncio
 
@@ -9,7 +9,7 @@ from daemon.autopilot.px4 import Fields
 from daemon.loops.commander import NotPossibleError
 from daemon.messages import FlightMode, LandedState
 from daemon.safety.supervisor import State
-from daemon.sim.faults import NoAcks
+from daemon.sim.faults import NoAcks, PilotTakesOver
 
 TAKEOFF_COMMAND = 22
 
@@ -54,5 +54,29 @@ def test_a_take_off_that_was_superseded_is_not_sent_again(request_name: str, mod
         assert flight.px4.mode is mode
         assert max(times) < since_s
         newer.cancel()
+
+    fly(scenario)
+
+
+def test_a_pilot_who_takes_over_is_not_told_to_take_off_again() -> None:
+    async def scenario(flight: Flight) -> None:
+        times = _takeoffs(flight)
+        takeoff = await _takes_off_unheard(flight)
+        flight.px4.inject(PilotTakesOver(mode="position"))
+        since_s = flight.now_s
+        await asyncio.sleep(2.5)
+        assert flight.px4.mode is FlightMode.POSITION
+        assert max(times) < since_s
+        await asyncio.gather(takeoff, return_exceptions=True)
+
+    fly(scenario)
+
+
+def test_a_take_off_that_shows_needs_no_acknowledgement() -> None:
+    async def scenario(flight: Flight) -> None:
+        times = _takeoffs(flight)
+        await (await _takes_off_unheard(flight))
+        assert flight.state is State.READY
+        assert len(times) == 1
 
     fly(scenario)

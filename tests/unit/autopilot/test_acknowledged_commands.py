@@ -3,7 +3,7 @@
 from math import nan
 
 import pytest
-from support.session_rig import ack
+from support.session_rig import HOLD, LAND, ack, current_mode
 
 from daemon.autopilot.port import CommandRefusedError, CommandTimeoutError, LinkError, NotConnectedError
 from daemon.autopilot.px4 import command_long
@@ -219,6 +219,20 @@ def test_a_command_that_was_withdrawn_ends_and_is_not_sent_again(session: Px4Ses
     session.start_command(command_long(22), 0.7, 5.0, later)
     session.receive("COMMAND_ACK", ack(22, 0), 0.8)
     assert (len(outcome.calls), later.calls) == (1, [None])
+
+
+@pytest.mark.parametrize("mode", [HOLD, LAND])
+def test_no_command_is_repeated_once_the_mode_has_changed(session: Px4Session, mode: int) -> None:
+    outcome = Outcome()
+    session.start_command(command_long(400, 1.0), 0.0, 1.0, outcome)
+    session.take_outgoing()
+    session.receive("CURRENT_MODE", current_mode(mode), 0.4)
+    session.poll(0.6)
+    repeats = [f for _, f in session.take_outgoing() if f.get("command") == 400]
+    assert len(repeats) == (mode == HOLD)
+    assert outcome.calls == []
+    session.receive("COMMAND_ACK", ack(400, 0), 0.7)
+    assert outcome.calls == [None]
 
 
 def test_a_mode_can_be_asked_for_while_nothing_is_heard_but_not_of_a_stranger(session: Px4Session) -> None:
