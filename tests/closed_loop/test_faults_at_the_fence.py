@@ -111,4 +111,4 @@ def test_the_overshoot_towards_a_shape_is_refused_however_many_its_turns(turns: 
         with pytest.raises(ProtocolError, match=r"on the way: .* outside the fence's radius"):
             await flight.submit(trajectory=circle, limits={"acceleration_m_s2": 0.8})
 
-    fly(scenario, config=quick(radius_m=50.0))
+    fly(scenario, config={"safety": {"fence": {"radius_m": 50.0}}})
