@@ -4,7 +4,7 @@ from bisect import bisect_left
 from dataclasses import replace
 from math import inf
 
-from daemon.frames import from_yaw, yaw_of
+from daemon.frames import clamp, from_yaw, norm, subtract, yaw_of
 from daemon.guidance.brake import brake
 from daemon.guidance.goals import WaypointGoal
 from daemon.guidance.heading import HeadedPlan, HeadingWish, along_velocity
@@ -15,6 +15,10 @@ from daemon.guidance.plan import HoldPlan, Plan, SequencePlan
 from daemon.guidance.waypoint_modes import Pose, WaypointMode, goal_pose
 from daemon.messages import Reference, Vec3
 
+_SPACINGS = (1.0, 0.4)  # of the guide points of a path to be flown by, in the order in which they are tried
+_SLOWER = 1.15  # times the time with stops that flying by may take
+_ASIDE = 0.25  # of its length that the curve may go aside of a leg,
+_ASIDE_M = (0.25, 3.0)  # but at least and at most this far
 _PLACE_FROM_NOW = (WaypointMode.ONLY_ORIENTATION, WaypointMode.XY_AND_YAW)
 
 
@@ -72,19 +76,43 @@ def fly_by_path(
 ) -> Plan:
     """One minimum-snap path through the waypoints, from the flown state or, when that is quicker, after a brake.
 
-    Points so unevenly spaced that the curve would swing out far and slowly are stopped at instead.
+    The waypoints are stopped at instead when no such path stays near the straight legs, or when it is clearly slower.
     """
     points = _points(start, waypoints, limits)
-    moving = through(start, points, limits)
+    stops = stop_path(start, tuple(replace(waypoint, hold_s=0.0) for waypoint in waypoints), limits)
+    latest_s = start.time_s + _SLOWER * (stops.end_s - start.time_s)
+    for spacing in _SPACINGS:
+        found = _quickest(start, points, limits, spacing)
+        if found is not None and found[1].end_s <= latest_s:
+            path, snap = found
+            return HeadedPlan(path, start, _headings(start, waypoints, snap), limits, omega_yaw_rad_s)
+    return stop_path(start, waypoints, limits)
+
+
+def _quickest(
+    start: Reference, points: tuple[Vec3, ...], limits: MotionLimits, spacing: float
+) -> tuple[Plan, MinimumSnapPlan] | None:
+    """The quicker of flying on from the start and braking first, of those that stay near the legs, and its curve."""
     stopped = brake(start, limits)
-    resting = through(rest_after(stopped), points, limits)
-    if resting is not None and (moving is None or resting.end_s < moving.end_s):
-        path, snap = SequencePlan((stopped, resting)), resting
-    elif moving is not None:
-        path, snap = SequencePlan((moving,)), moving
-    else:
-        return stop_path(start, waypoints, limits)
-    return HeadedPlan(path, start, _headings(start, waypoints, snap), limits, omega_yaw_rad_s)
+    run_out_m = norm(subtract(stopped.target.position_ned_m, start.position_ned_m))
+    ways: list[tuple[Plan, MinimumSnapPlan]] = []
+    moving = through(start, points, limits, spacing)
+    if moving is not None and _stays_near(moving, start, points, run_out_m):
+        ways.append((SequencePlan((moving,)), moving))
+    resting = through(rest_after(stopped), points, limits, spacing) if stopped.end_s > start.time_s else None
+    if resting is not None and _stays_near(resting, stopped.target, points, 0.0):
+        ways.append((SequencePlan((stopped, resting)), resting))
+    return min(ways, key=lambda way: way[1].end_s, default=None)
+
+
+def _stays_near(snap: MinimumSnapPlan, start: Reference, points: tuple[Vec3, ...], run_out_m: float) -> bool:
+    """Whether a curve goes aside of no leg by more than is allowed there, and on the first the start's own way."""
+    begins = (start.position_ned_m, *points[:-1])
+    allowed_m = [
+        clamp(_ASIDE * norm(subtract(end, begin)), *_ASIDE_M) for begin, end in zip(begins, points, strict=True)
+    ]
+    allowed_m[0] += run_out_m
+    return all(aside <= allowed for aside, allowed in zip(snap.aside_m(), allowed_m, strict=True))
 
 
 def _points(start: Reference, waypoints: tuple[WaypointGoal, ...], limits: MotionLimits) -> tuple[Vec3, ...]:

@@ -204,13 +204,6 @@ def assert_passed_in_order(start: Reference, corners: list[Vec3]) -> None:
             assert time_s <= flown.end_s + 0.02, corner
 
 
-def test_points_too_uneven_for_one_curve_are_all_flown_to() -> None:
-    start = Reference(time_s=0.0, position_ned_m=(0.0, 0.0, -5.0))
-    corners = [(0.0, 0.0, -2.0), (0.0, 0.0, -30.0), (0.0, 0.0, -29.0), (0.0, 0.0, -30.0)]
-    assert through(start, tuple(corners), LIMITS) is None
-    assert_passed_in_order(start, corners)
-
-
 points = st.tuples(st.floats(-30.0, 30.0), st.floats(-30.0, 30.0), st.floats(-30.0, -2.0))
 
 
@@ -293,7 +286,7 @@ def test_fly_by_with_all_points_in_one_place_and_forward_heading() -> None:
     assert still.sample(still.end_s).position_ned_m == pytest.approx(here, abs=1e-3)
     ahead = tuple(WaypointGoal(position_ned_m=p, mode=WaypointMode.FORWARD_HEADING) for p in CORNERS)
     flown = plan(START, PathGoal(waypoints=ahead, through=Through.FLY_BY), LIMITS, PARAMETERS)
-    reference = flown.sample(flown.end_s - 4.0)
+    reference = flown.sample(flown.end_s - 2.5)
     vx, vy, _ = reference.velocity_ned_m_s
     assert abs(wrap_pi(reference.yaw_rad - atan2(vy, vx))) < radians(15.0)
 
