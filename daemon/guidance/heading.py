@@ -6,7 +6,7 @@ from math import atan2, floor, hypot
 
 from daemon.frames import wrap_pi
 from daemon.guidance.limits import MotionLimits
-from daemon.guidance.plan import Plan
+from daemon.guidance.plan import WINDOW_COUNT, Plan
 from daemon.guidance.saturation import step_heading
 from daemon.messages import WINDOW_SPACING_S, Reference, Vec3
 
@@ -112,7 +112,14 @@ class HeadedPlan(Plan):
 
     def sample(self, time_s: float) -> Reference:
         """The path's reference with this heading."""
-        since_s = max(0.0, time_s - self.start_s)
+        return self._headed(self._path.sample(time_s))
+
+    def window(self, from_s: float, count: int = WINDOW_COUNT) -> tuple[Reference, ...]:
+        """The path's window with this heading."""
+        return tuple(map(self._headed, self._path.window(from_s, count)))
+
+    def _headed(self, reference: Reference) -> Reference:
+        since_s = max(0.0, reference.time_s - self.start_s)
         index = floor(since_s / WINDOW_SPACING_S)
         while index >= len(self._nodes) and not self._resting:
             self._step()
@@ -120,7 +127,7 @@ class HeadedPlan(Plan):
         yaw, rate, acceleration = self._nodes[index]
         dt = since_s - index * WINDOW_SPACING_S
         return replace(
-            self._path.sample(time_s),
+            reference,
             yaw_rad=wrap_pi(yaw + rate * dt + 0.5 * acceleration * dt * dt),
             yaw_rate_rad_s=rate + acceleration * dt,
         )

@@ -98,7 +98,7 @@ def _quickest(
     ways: list[tuple[Plan, MinimumSnapPlan]] = []
     moving = through(start, points, limits, spacing)
     if moving is not None and _stays_near(moving, start, points, run_out_m):
-        ways.append((SequencePlan((moving,)), moving))
+        ways.append((moving, moving))
     resting = through(rest_after(stopped), points, limits, spacing) if stopped.end_s > start.time_s else None
     if resting is not None and _stays_near(resting, stopped.target, points, 0.0):
         ways.append((SequencePlan((stopped, resting)), resting))

@@ -21,7 +21,7 @@ def assert_continuous(before: Reference, after: Reference) -> None:
     assert abs(before.yaw_rate_rad_s - after.yaw_rate_rad_s) <= SEAM
 
 
-def assert_within(limits: MotionLimits, reference: Reference, slack: float = 1e-6) -> None:
+def assert_within(limits: MotionLimits, reference: Reference, slack: float = 1e-5) -> None:
     """Beyond no bound by more than ``slack`` of it, which is what rounding makes of a sum of vectors."""
     vx, vy, vz = reference.velocity_ned_m_s
     ax, ay, az = reference.acceleration_ned_m_s2
