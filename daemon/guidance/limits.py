@@ -68,3 +68,19 @@ def motion_excess(velocity_ned_m_s: Vec3, acceleration_ned_m_s2: Vec3, limits: M
     if abs(az) > down * _SLACK:
         return "acceleration[2]", f"{abs(az):.2f} m/s^2 vertically is more than the {down:g} m/s^2 allowed"
     return None
+
+
+def share_of_limits(
+    velocity_ned_m_s: Vec3, acceleration_ned_m_s2: Vec3, jerk_ned_m_s3: Vec3, limits: MotionLimits
+) -> float:
+    """What a motion asks for over what the limits allow, of that which is nearest to its limit; 1 is just allowed."""
+    (vx, vy, vz), (ax, ay, az), (jx, jy, jz) = velocity_ned_m_s, acceleration_ned_m_s2, jerk_ned_m_s3
+    return max(
+        hypot(vx, vy) / limits.speed_m_s,
+        vz / limits.descent_m_s,
+        -vz / limits.climb_m_s,
+        hypot(ax, ay) / limits.acceleration_m_s2,
+        abs(az) / limits.vertical_acceleration_m_s2,
+        hypot(jx, jy) / limits.jerk_m_s3,
+        abs(jz) / limits.jerk_m_s3,
+    )

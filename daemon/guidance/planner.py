@@ -95,8 +95,7 @@ def _shape(start: Reference, goal: ShapeGoal, limits: MotionLimits, parameters: 
         entry_rad,
         goal.rate_rad_s,
         goal.turns,
-        min(limits.acceleration_m_s2, limits.vertical_acceleration_m_s2),
-        limits.jerk_m_s3,
+        limits,
     )
     wish = wish_of(goal.heading, goal.shape.center_ned_m, start.yaw_rad)
     return HeadedPlan(SequencePlan((*legs, around)), start, wish, limits, parameters.omega_yaw_rad_s)

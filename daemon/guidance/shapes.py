@@ -2,14 +2,20 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import copysign, cos, hypot, pi, sin, sqrt
+from math import ceil, copysign, cos, hypot, pi, sin, sqrt
 
 from daemon.frames import add, cross, norm, scale, subtract
+from daemon.guidance.limits import MotionLimits, share_of_limits
 from daemon.guidance.plan import Plan, straights
 from daemon.messages import Reference, Vec3
 
 _ENTRIES = 72  # phases among which the entry nearest to the vehicle is looked for
 _PARALLEL = 0.99  # cosine beyond which the axis counts as pointing north
+_LOOKS = 40  # instants of a ramp that are held against the limits,
+_LOOK_RAD = 0.1  # and one more for so much of the phase
+_LONGER = 1.2  # factor by which the ramps grow while they ask for too much,
+_LENGTHENINGS = 25  # and how often at most: a turn that is itself beyond the limits stays there
+_SLACK = 1.005  # a turn that is just within the limits where it is looked at may pass them so far between
 
 Derivatives = tuple[Vec3, Vec3, Vec3, Vec3]  # of the curve by its phase, from the zeroth to the third
 
@@ -91,9 +97,9 @@ class ShapePlan(Plan):
     """Turns of a shape from rest to rest: the phase's rate grows smoothly, stays, and falls smoothly.
 
     ``rate_rad_s`` is the rate between run-in and run-out, negative for counter-clockwise; ``turns`` counts both. Turns
-    that are over before the ramps are take less rate. The ramps are quintic, so that acceleration is continuous; they
-    last 2 v / a, or sqrt(12 v / j) when that is longer, which keeps the tangential and the centripetal acceleration
-    together within the latter's peak.
+    that are over before the ramps are take less rate. The ramps are quintic, so that acceleration is continuous. They
+    last 2 v / a or sqrt(12 v / j), which would do on a straight line, or as much longer as it takes to keep what the
+    bend asks for and what the ramp adds within the limits together.
     """
 
     def __init__(
@@ -103,20 +109,21 @@ class ShapePlan(Plan):
         entry_rad: float,
         rate_rad_s: float,
         turns: float,
-        acceleration_m_s2: float,
-        jerk_m_s3: float,
+        limits: MotionLimits,
     ) -> None:
         self.start_s = start.time_s
         self._shape = shape
         self._entry_rad = entry_rad
         self._yaw_rad = start.yaw_rad
-        speed = abs(rate_rad_s) * shape.path_speed_m
-        self._ramp_s = max(2.0 * speed / acceleration_m_s2, sqrt(12.0 * speed / jerk_m_s3))
         whole_rad = 2.0 * pi * turns
-        rate = min(abs(rate_rad_s), whole_rad / self._ramp_s)
-        self._duration_s = whole_rad / rate + self._ramp_s
-        self._rate_rad_s = copysign(rate, rate_rad_s)
         self._whole_rad = copysign(whole_rad, rate_rad_s)
+        speed = abs(rate_rad_s) * shape.path_speed_m
+        least_m_s2 = min(limits.acceleration_m_s2, limits.vertical_acceleration_m_s2)
+        self._set_ramps(max(2.0 * speed / least_m_s2, sqrt(12.0 * speed / limits.jerk_m_s3)), rate_rad_s, whole_rad)
+        for _ in range(_LENGTHENINGS):
+            if self._ramps_share(limits) <= _SLACK:
+                break
+            self._set_ramps(_LONGER * self._ramp_s, rate_rad_s, whole_rad)
         end = shape.at(entry_rad + self._whole_rad)[0]
         self._target = Reference(self.end_s, end, yaw_rad=start.yaw_rad)
 
@@ -145,6 +152,19 @@ class ShapePlan(Plan):
         count = straights(abs(turn_rad), 2.0 * self._shape.path_speed_m)
         for i in range(count + 1):
             yield self._shape.at(self._entry_rad + turn_rad * i / count)[0]
+
+    def _set_ramps(self, ramp_s: float, rate_rad_s: float, whole_rad: float) -> None:
+        rate = min(abs(rate_rad_s), whole_rad / ramp_s)
+        self._ramp_s = ramp_s
+        self._duration_s = whole_rad / rate + ramp_s
+        self._rate_rad_s = copysign(rate, rate_rad_s)
+
+    def _ramps_share(self, limits: MotionLimits) -> float:
+        """The largest share of the limits that run-in and run-out ask for."""
+        count = _LOOKS + ceil(0.5 * abs(self._rate_rad_s) * self._ramp_s / _LOOK_RAD)
+        into = [self._ramp_s * i / count for i in range(count + 1)]
+        looks = [self.sample(self.start_s + s) for s in (*into, *(self._duration_s - s for s in into))]
+        return max(share_of_limits(r.velocity_ned_m_s, r.acceleration_ned_m_s2, r.jerk_ned_m_s3, limits) for r in looks)
 
     def _phase(self, since_s: float) -> tuple[float, float, float, float]:
         """Phase, its rate and two more derivatives."""
