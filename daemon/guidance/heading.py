@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from math import atan2, floor, hypot
+from math import atan2, floor, hypot, radians
 
 from daemon.frames import wrap_pi
 from daemon.guidance.limits import MotionLimits
@@ -14,6 +14,8 @@ DEAD_BAND_M_S = 0.5  # horizontal speed below which the direction of flight says
 DEAD_BAND_M = 0.5  # distance below which the direction to a point says nothing
 
 _LOOK_BACK = 0.03  # of the time before a path's end: how finely its last wish is looked for
+_MET_RAD = radians(5.0)  # a heading so near to its wish has met it
+_MOST_TURN_S = 60.0  # after which turning counts as done, whatever the limits
 _REST = 1e-7  # rad and rad/s below which a heading has arrived
 
 HeadingWish = Callable[[Reference], float | None]  # heading wanted at a reference, None: keep the last one
@@ -70,6 +72,16 @@ def along_velocity(reference: Reference) -> float | None:
     """Look where the flight goes; at a hover keep the heading."""
     vx, vy, _ = reference.velocity_ned_m_s
     return atan2(vy, vx) if hypot(vx, vy) > DEAD_BAND_M_S else None
+
+
+def turn_s(turn_rad: float, omega_rad_s: float, limits: MotionLimits) -> float:
+    """How long a ``HeadedPlan`` takes to turn from rest until it has met a wish that stands still."""
+    off, rate, since_s = abs(wrap_pi(turn_rad)), 0.0, 0.0
+    while off > _MET_RAD and since_s < _MOST_TURN_S:
+        rate += step_heading(off, rate, 0.0, omega_rad_s, limits) * WINDOW_SPACING_S
+        off -= rate * WINDOW_SPACING_S
+        since_s += WINDOW_SPACING_S
+    return since_s
 
 
 class HeadedPlan(Plan):

@@ -1,8 +1,9 @@
 """The way in: from a flown reference and a goal to a plan."""
 
 from dataclasses import replace
+from math import pi
 
-from daemon.frames import yaw_of
+from daemon.frames import scale, yaw_of
 from daemon.guidance.brake import brake
 from daemon.guidance.filter_plan import FilterPlan
 from daemon.guidance.goals import (
@@ -14,7 +15,7 @@ from daemon.guidance.goals import (
     Through,
     WaypointGoal,
 )
-from daemon.guidance.heading import HeadedPlan, VelocityHeading, along_velocity, wish_of
+from daemon.guidance.heading import HeadedPlan, VelocityHeading, along_velocity, turn_s, wish_of
 from daemon.guidance.jerk_limited import to_goal
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters, Profile
@@ -85,20 +86,25 @@ def _headed(found: Plan, start: Reference, limits: MotionLimits, parameters: Gui
 
 
 def _shape(start: Reference, goal: ShapeGoal, limits: MotionLimits, parameters: GuidanceParameters) -> Plan:
-    """To rest in the shape's nearest point, then around."""
+    """To rest in the shape's nearest point, turning to its first heading in time, or waiting for that; then around."""
     stop = brake(start, limits).target.position_ned_m
     entry_rad = entry_phase(goal.shape, stop)
-    legs = legs_to(start, goal.shape.at(entry_rad)[0], start.yaw_rad, limits)
-    around = ShapePlan(
-        rest_after(legs[-1]),
-        goal.shape,
-        entry_rad,
-        goal.rate_rad_s,
-        goal.turns,
-        limits,
-    )
+    place, along, *_ = goal.shape.at(entry_rad)
+    legs = legs_to(start, place, start.yaw_rad, limits)
+    there, omega_rad_s = rest_after(legs[-1]), parameters.omega_yaw_rad_s
     wish = wish_of(goal.heading, goal.shape.center_ned_m, start.yaw_rad)
-    return HeadedPlan(SequencePlan((*legs, around)), start, wish, limits, parameters.omega_yaw_rad_s)
+    first_rad = wish(replace(there, velocity_ned_m_s=scale(along, goal.rate_rad_s)))
+    turning_s = 0.0 if first_rad is None else turn_s(first_rad - start.yaw_rad, omega_rad_s, limits)
+    turn_from_s = max(start.time_s, there.time_s - turn_s(pi, omega_rad_s, limits))
+    wait = HoldPlan(there, max(0.0, turn_from_s + turning_s - there.time_s))
+    around = ShapePlan(rest_after(wait), goal.shape, entry_rad, goal.rate_rad_s, goal.turns, limits)
+
+    def turned_first(reference: Reference) -> float | None:
+        if first_rad is not None and turn_from_s <= reference.time_s <= around.start_s:
+            return first_rad
+        return wish(reference)
+
+    return HeadedPlan(SequencePlan((*legs, wait, around)), start, turned_first, limits, omega_rad_s)
 
 
 def _polynomial(start: Reference, goal: PolynomialGoal, limits: MotionLimits, parameters: GuidanceParameters) -> Plan:

@@ -3,11 +3,11 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from math import degrees, hypot, isfinite, pi, radians
+from math import ceil, degrees, floor, hypot, isfinite, pi, radians
 
-from daemon.frames import is_finite, norm, scale, subtract, tilt_of
+from daemon.frames import is_finite, norm, scale, subtract, tilt_of, wrap_pi
 from daemon.guidance.goals import Goal, PathGoal, PolynomialGoal, ShapeGoal, StreamGoal, WaypointGoal
-from daemon.guidance.heading import Heading, PointHeading
+from daemon.guidance.heading import FixedHeading, Heading, PointHeading, wish_of
 from daemon.guidance.limits import MotionLimits, motion_excess
 from daemon.guidance.plan import Plan
 from daemon.guidance.shapes import Circle
@@ -15,6 +15,8 @@ from daemon.messages import Reference, Vec3
 
 _MOST_TILT_RAD = radians(1.0)
 _PHASES = 72  # at which a shape's derivatives are looked at
+_HEADINGS = 360  # phases between which a shape's heading is looked at
+_FOLLOWED = 0.9  # of the yaw rate's limit: with nothing left a heading that is behind would never catch up
 _OUTLINE = 120  # instants at which a polynomial's motion is looked at
 
 
@@ -154,6 +156,7 @@ def _shape(goal: ShapeGoal, start: Reference, reach: Reach) -> Iterator[Refusal]
     yield from _heading(goal.heading)
     for i in range(_PHASES):
         yield from _shape_at(goal, 2.0 * pi * i / _PHASES, field, reach)
+    yield from _turning(goal, field, reach)
 
 
 def _shape_at(goal: ShapeGoal, phase_rad: float, field: str, reach: Reach) -> Iterator[Refusal]:
@@ -167,6 +170,27 @@ def _shape_at(goal: ShapeGoal, phase_rad: float, field: str, reach: Reach) -> It
     if excess is not None:
         yield Refusal(field, f"on this shape {excess[1]}")
     yield from _jerk(scale(third, rate**3), field, "on this shape ", reach)
+
+
+def _turning(goal: ShapeGoal, field: str, reach: Reach) -> Iterator[Refusal]:
+    """A heading that turns faster on the way round than can be followed; where it is left as it is, nothing counts."""
+    if isinstance(goal.heading, FixedHeading):
+        return
+    wish = wish_of(goal.heading, goal.shape.center_ned_m, 0.0)
+    wishes = []
+    for i in range(_HEADINGS + 1):
+        position, along, *_ = goal.shape.at(2.0 * pi * i / _HEADINGS)
+        wishes.append(wish(Reference(0.0, position, scale(along, goal.rate_rad_s))))
+    turns = [abs(wrap_pi(b - a)) for a, b in pairwise(wishes) if a is not None and b is not None]
+    needed = max(turns, default=0.0) * _HEADINGS / (2.0 * pi) * abs(goal.rate_rad_s)
+    most = _FOLLOWED * reach.limits.yaw_rate_rad_s
+    if needed > most:
+        if goal.speed_m_s is None:
+            would_do = f"at least {ceil(10.0 * (goal.period_s or 0.0) * needed / most) / 10.0:g} s"
+        else:
+            would_do = f"at most {floor(100.0 * goal.speed_m_s * most / needed) / 100.0:g} m/s"
+        turning = f"its heading turns by up to {degrees(needed):.0f} deg/s"
+        yield Refusal(field, f"on this shape {turning}; {degrees(most):.0f} deg/s can be followed: {would_do}")
 
 
 def _polynomial(goal: PolynomialGoal, reach: Reach) -> Iterator[Refusal]:

@@ -1,7 +1,7 @@
 """Every kind of goal flown by the whole daemon in virtual time."""
 
 import asyncio
-from math import cos, dist, hypot, pi, radians, sin
+from math import atan2, cos, dist, hypot, pi, radians, sin
 
 import pytest
 from support.flight import CALLER, Flight, fly
@@ -79,9 +79,33 @@ def test_a_circle_keeps_its_radius_and_its_sense(
         assert (await flight.result(goal_id)).outcome == "succeeded"
 
     def _bearing(position: tuple[float, float, float]) -> float:
-        from math import atan2
-
         return atan2(10.0 - position[1], -position[0])
+
+    fly(scenario)
+
+
+def test_a_narrow_orbit_looks_at_its_object_all_the_time_or_is_refused() -> None:
+    orbit = {"kind": "circle", "center": [-1.5, 0.0, -6.0], "radius_m": 1.5, "turns": 3, "heading": "target"}
+
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne()
+        with pytest.raises(ProtocolError, match=r"80 deg/s; 54 deg/s can be followed: at most 1\.41 m/s"):
+            await flight.submit(trajectory=orbit | {"speed_m_s": 2.1})
+        goal_id = await flight.submit(trajectory=orbit | {"speed_m_s": 1.41})
+        await flight.until(lambda: flight.px4.truth.position_ned_m[2] < -5.9 and _speed(flight) > 0.5, 30.0)
+        off = []
+        while _speed(flight) > 0.5:
+            truth = flight.px4.truth
+            bearing = atan2(-truth.position_ned_m[1], -1.5 - truth.position_ned_m[0])
+            off.append(abs(frames.wrap_pi(frames.yaw_of(truth.attitude_wb) - bearing)))
+            await asyncio.sleep(0.05)
+        assert len(off) * 0.05 * 1.41 > 2.5 * 2.0 * pi * 1.5
+        assert sum(off) / len(off) < radians(10.0)
+        assert max(off) < radians(35.0)
+        assert (await flight.result(goal_id)).outcome == "succeeded"
+
+    def _speed(flight: Flight) -> float:
+        return hypot(*flight.px4.truth.velocity_ned_m_s[:2])
 
     fly(scenario)
 

@@ -218,7 +218,7 @@ def test_shapes_turn_with_their_frame() -> None:
     ],
 )
 def test_headings_by_name_and_by_point_in_the_frame(heading: Any, expected: object) -> None:
-    circle = {"kind": "circle", "frame": "local_enu", "center": [0.0, 0.0, 10.0], "radius_m": 3.0, "speed_m_s": 1.0}
+    circle = {"kind": "circle", "frame": "local_enu", "center": [0.0, 0.0, 10.0], "radius_m": 3.0, "speed_m_s": 0.5}
     goal = goal_of(trajectory=circle | {"heading": heading})
     assert isinstance(goal, ShapeGoal) and goal.heading == expected
 
