@@ -131,6 +131,7 @@ def fail(exit_code: Exit, text: str, as_json: bool, **details: Any) -> NoReturn:
 
 
 ADVICE = {
+    "no autopilot": "no autopilot is connected: check the cable and `flightd doctor`",
     "engage": "the vehicle has to be in the air and in Hold: `flightd status` tells how it is",
     "pilot": "a pilot or the autopilot has the vehicle: put it in Hold, then `flightd engage`",
     "disconnected": "no autopilot is connected: check the cable and `flightd doctor`",

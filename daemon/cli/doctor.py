@@ -108,7 +108,7 @@ def check_realtime() -> Finding:
     priority, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
     if os.geteuid() == 0 or priority != 0:
         return Finding(Level.GOOD, "real-time rights", "granted")
-    mend = "run as the service, or set LimitRTPRIO=10 and LimitMEMLOCK=infinity (docs: systemd/)"
+    mend = "run as the service, or set LimitRTPRIO=50 and LimitMEMLOCK=infinity (docs: systemd/)"
     return Finding(Level.WARNING, "real-time rights", "none for this user", mend)
 
 

@@ -94,7 +94,10 @@ def sim(
     path = control or control_path(port)
     path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     server = MavlinkServer(fleet, port=port, speed=speed, control_path=path, on_request=fault_requests(fleet))
-    asyncio.run(_until_stopped(server))
+    try:
+        asyncio.run(_until_stopped(server))
+    except OSError as error:  # a second simulator, or no socket to be had
+        fail(Exit.REFUSED, f"{error.strerror or error}", False)
     say(_summary(server))
 
 

@@ -62,6 +62,7 @@ def tune(
     from daemon import logs
     from daemon.autopilot.port import LinkError
     from daemon.config import ConfigError, load
+    from daemon.endpoint import EndpointInUseError
     from daemon.loops.commander import NotPossibleError
     from daemon.tuning.experiment import StoppedError
     from daemon.tuning.measurement import PoorDataError, measure
@@ -85,7 +86,7 @@ def tune(
             as_json,
             faults=error.faults,
         )
-    except (ConfigError, ValueError, NotPossibleError) as error:
+    except (ConfigError, ValueError, NotPossibleError, EndpointInUseError) as error:
         fail(Exit.REFUSED, str(error), as_json)
     except (StoppedError, LinkError, ChildError, OSError) as error:
         fail(Exit.ABORTED, str(error), as_json)

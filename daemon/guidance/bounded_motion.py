@@ -20,7 +20,7 @@ _SIDEWAYS = 1e-7  # m/s and m/s^2 across the direction of travel that count as n
 _ACROSS_SHARES = (0.6, 0.3, 0.85)  # of the bound on acceleration, tried in turn
 _LEAST_SPEED_SHARE = 0.1  # across: for the way back to the line
 _JERK_SHARE = 0.6
-_CHECKS = 60  # instants, denser near the start, at which a motion that moves sideways is checked
+_CHECKS = 120  # instants, denser near the start, at which a motion that moves sideways is checked
 _PLANNED, _CHECKED = 0.998, 0.999  # of the bounds, when moving sideways: the check does not see between its instants
 _JERK_SPACING_S = 1e-4  # jerk is constant but for six instants: the difference over this time
 

@@ -2,7 +2,9 @@
 
 import asyncio
 import contextlib
+import errno
 import json
+import socket
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
@@ -28,6 +30,7 @@ async def control_socket(path: Path, handler: Handler) -> AsyncIterator[None]:
                 await writer.drain()
         writer.close()
 
+    _refuse_second(path)
     _remove(path)
     server = await asyncio.start_unix_server(serve, path)
     _restrict(path)
@@ -37,6 +40,13 @@ async def control_socket(path: Path, handler: Handler) -> AsyncIterator[None]:
     finally:
         server.close()
         _remove(path)
+
+
+def _refuse_second(path: Path) -> None:
+    """Raise ``OSError`` when another simulator answers there."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        if path.is_socket() and probe.connect_ex(str(path)) == 0:
+            raise OSError(errno.EADDRINUSE, f"another simulator runs already, see {path}")
 
 
 def _remove(path: Path) -> None:

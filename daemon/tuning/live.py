@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Callable
 
 from daemon.autopilot.mavsdk_link import MavsdkLink
+from daemon.endpoint import claim
 from daemon.loops.grid import live_alarm
 from daemon.loops.vehicle import Vehicle
 from daemon.parameters import control_parameters, dead_man_timing
@@ -15,7 +16,15 @@ from daemon.tuning.pulses import programme
 
 
 async def record(connection: str, config: Config, *, takeoff_m: float | None, tell: Callable[[str], None]) -> Recording:
-    """Fly the pulses on the autopilot at a MAVSDK URL; arguments and errors as ``experiment.fly``."""
+    """Fly the pulses on the autopilot at a MAVSDK URL; arguments and errors as ``experiment.fly``.
+
+    Raises ``EndpointInUseError`` when a daemon has the vehicle.
+    """
+    with claim(connection):
+        return await _recorded(connection, config, takeoff_m, tell)
+
+
+async def _recorded(connection: str, config: Config, takeoff_m: float | None, tell: Callable[[str], None]) -> Recording:
     loop = asyncio.get_running_loop()
     config = gentle(config)
     parameters = control_parameters(config, None)

@@ -25,7 +25,7 @@ HEADINGS: tuple[Any, ...] = ("fixed", "target", "velocity", {"point": [0.0, 0.0,
 REFERENCE_PERIOD_S = 0.03
 SEAM = 1e-6
 SEED = int(os.environ.get("FLIGHTD_SEED", "20"))
-TILT_OVER_RAD = radians(0.5)  # the vehicle answers the tilt guard with a lag
+TILT_OVER_RAD = radians(1.0)  # the vehicle answers the tilt guard with a lag
 
 
 @dataclass

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from daemon.sim.control_socket import control_socket
 from daemon.sim.mavlink_codec import MavlinkCodec
 from daemon.sim.mavlink_server import MavlinkServer
 from daemon.sim.virtual_time import VirtualTimeLoop, run_virtual
@@ -164,3 +165,15 @@ async def test_the_control_socket_answers_each_line_and_goes_with_the_server(tmp
     assert answers[0] == {"did": "gps_loss"}
     assert [set(answer) for answer in answers[1:]] == [{"error"}] * 3
     assert not path.exists()
+
+
+async def test_a_second_simulator_is_refused_and_leaves_the_first_ones_control_socket(tmp_path: Path) -> None:
+    path = tmp_path / "control.sock"
+    async with control_socket(path, lambda request: request):
+        with pytest.raises(OSError, match="another simulator runs already"):
+            async with control_socket(path, lambda request: request):
+                pass
+        reader, writer = await asyncio.open_unix_connection(path)
+        writer.write(b'{"fault": "x"}\n')
+        assert json.loads(await reader.readline()) == {"fault": "x"}
+        writer.close()
