@@ -3,10 +3,11 @@ PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+DEMO_STAMP := $(VENV)/.installed-for-demo
 
 .PHONY: demo test check bench soak docs-figures fault-matrix mutate replay-update clean
 
-demo: $(STAMP)
+demo: $(DEMO_STAMP)
 	$(BIN)/flightd demo
 
 test: $(STAMP)
@@ -47,12 +48,20 @@ docs-figures: $(STAMP)
 replay-update: $(STAMP)
 	PYTHONPATH=tests $(BIN)/python tests/replay/references.py
 
-$(STAMP): pyproject.toml
+$(VENV)/.made:
 	$(PYTHON) -m venv $(VENV) || python3 -m venv $(VENV)
 	$(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed")'
 	$(BIN)/pip install --quiet --upgrade pip
+	touch $@
+
+# Without what the tests and checks need, some of which has to be compiled on ARM.
+$(DEMO_STAMP): pyproject.toml | $(VENV)/.made
+	$(BIN)/pip install --quiet --editable '.[sim,report]'
+	touch $@
+
+$(STAMP): pyproject.toml | $(VENV)/.made
 	$(BIN)/pip install --quiet --editable '.[dev]'
-	touch $(STAMP)
+	touch $@
 
 clean:
 	rm -rf $(VENV) build dist flight-report .mypy_cache .ruff_cache .pytest_cache

@@ -21,6 +21,7 @@ from daemon.bench.loop_figures import Figures, figures_of, over_rounds
 from daemon.bench.stillness import Stillness
 from daemon.goals.client import FlightClient
 from daemon.goals.client_errors import NoDaemonError
+from daemon.sim import metronome
 
 WARM_UP_S = 5.0  # the grid's phase is slewed to the stream meanwhile
 RATES_HZ = (50.0, 200.0, 250.0)
@@ -125,9 +126,9 @@ async def _flown(
         how = [str(path), str(flight.rate_hz), record, json.dumps(dict(flight.loops))]
         arguments = ["-m", "daemon.bench.loop_daemon", *times, *how]
     held = ["taskset", "--cpu-list", str(_LAST_CORE)] if flight.one_core else []
-    metronome = ["-m", "daemon.sim.metronome", str(port), "100", str(int(flight.uneven))]
+    autopilot = ["-m", metronome.__name__, str(port), "100", str(int(flight.uneven))]
     async with (
-        process([sys.executable, *metronome], notes),
+        process([sys.executable, *autopilot], notes),
         process([*held, flight.python, *arguments], folder / "said") as running,
     ):
         if flight.subscribers:

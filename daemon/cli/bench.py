@@ -138,7 +138,7 @@ def _named(choice: Iterable[N], names: list[str] | None, what: str) -> list[N]:
     by_name = {one.name: one for one in choice}
     unknown = [name for name in names or [] if name not in by_name]
     if unknown:
-        raise typer.BadParameter(f"no {what} {unknown[0]}; there are {', '.join(by_name)}")
+        raise typer.BadParameter(f"no {what} {unknown[0]}; there are {', '.join(map(json.dumps, by_name))}")
     return [by_name[name] for name in names or by_name]
 
 

@@ -22,6 +22,7 @@ from daemon.goals.client_errors import (
     NotPermittedError,
     RequestError,
     RequestTimedOutError,
+    SocketNotPermittedError,
 )
 from daemon.goals.goal import Result
 
@@ -130,6 +131,17 @@ def fail(exit_code: Exit, text: str, as_json: bool, **details: Any) -> NoReturn:
     raise typer.Exit(int(exit_code))
 
 
+EXTRAS = {"pymavlink": "sim", "matplotlib": "report"}
+
+
+def missing(error: ModuleNotFoundError) -> str | None:
+    """What to install where a package of an extra is missing; None when the module is another one."""
+    package = (error.name or "").partition(".")[0]
+    if package not in EXTRAS:
+        return None
+    return f"this needs {package}: in a clone of flightd, {sys.executable} -m pip install '.[{EXTRAS[package]}]'"
+
+
 ADVICE = {
     "no autopilot": "no autopilot is connected: check the cable and `flightd doctor`",
     "engage": "the vehicle has to be in the air and in Hold: `flightd status` tells how it is",
@@ -150,6 +162,8 @@ def run(
 
     try:
         return asyncio.run(session())
+    except SocketNotPermittedError as error:
+        fail(Exit.NOT_PERMITTED, str(error), as_json)
     except NoDaemonError as error:
         fail(Exit.NO_DAEMON, str(error), as_json)
     except NotPermittedError as error:

@@ -2,8 +2,12 @@
 
 import sys
 from importlib import import_module
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
+
+from daemon.cli.common import Exit, fail, missing, say
 
 COMMANDS = {
     "status": "vehicle",
@@ -45,18 +49,43 @@ flightd goto 10 0 -5 --yaw 90
 flightd land"""
 
 
+class Commands(TyperGroup):
+    """Says what to install where a command needs a package that was left out."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except ModuleNotFoundError as error:
+            if (text := missing(error)) is None:
+                raise
+            fail(Exit.REFUSED, text, "--json" in sys.argv)
+
+
 def build(command: str | None) -> typer.Typer:
     """Make the application; for a known command only that command's module is imported, so that it starts fast."""
-    app = typer.Typer(name="flightd", no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
-    app.callback(help=HELP, epilog=EPILOG)(_nothing)
+    app = typer.Typer(cls=Commands, name="flightd", no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
+    app.callback(help=HELP, epilog=EPILOG)(_options)
     modules = [COMMANDS[command]] if command in COMMANDS else list(dict.fromkeys(COMMANDS.values()))
     for module in modules:
         import_module(f"daemon.cli.{module}").register(app)
     return app
 
 
-def _nothing() -> None:
-    """Without a command there is nothing to do."""
+def _version(wanted: bool) -> None:
+    if wanted:
+        from daemon.goals.dispatch import product_version
+
+        say(f"flightd {product_version()}")
+        raise typer.Exit
+
+
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and leave.")
+    ] = False,
+) -> None:
+    """What may stand before a command."""
 
 
 def main() -> None:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from daemon import config, parameters
 from daemon.cli.common import Exit, JsonOption, fail, say, say_json
@@ -69,7 +69,7 @@ def _show(found: Comparison) -> None:
         say(f"fields that only one side has: {', '.join(found.unknown)}")
     if not found.differences:
         return
-    made = Table("field", "ticks", "first at, s", "largest difference")
+    made = Table(Column("field", overflow="fold"), "ticks", "first at, s", "largest difference")
     for difference in sorted(found.differences, key=lambda d: -d.ticks)[:SHOWN]:
         made.add_row(difference.field, f"{difference.ticks}", f"{difference.first_s:.2f}", f"{difference.largest:.3g}")
     Console().print(made)

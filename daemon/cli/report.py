@@ -29,10 +29,8 @@ def report(
     as_json: JsonOption = False,
 ) -> None:
     """Write a page about a flight: summary, path, errors, attitude, rates, thrust, timing, goals, events."""
-    try:
-        from daemon.recording.report import write_report
-    except ImportError:
-        fail(Exit.REFUSED, "the report needs matplotlib: pip install 'flightd[report]'", as_json)
+    from daemon.recording.report import write_report
+
     try:
         page = write_report(in_order(records), out)
     except (RecordError, OSError) as error:

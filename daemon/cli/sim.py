@@ -68,13 +68,10 @@ def sim(
     """
     if context.invoked_subcommand is not None:
         return
-    try:
-        from daemon.sim.airframe_files import load
-        from daemon.sim.mavlink_server import MavlinkServer
-    except ModuleNotFoundError as error:
-        fail(Exit.REFUSED, f"the simulator needs {error.name}: pip install 'flightd[sim]'", False)
     from daemon.sim import scenario as scenarios
+    from daemon.sim.airframe_files import load
     from daemon.sim.fault_requests import fault_requests
+    from daemon.sim.mavlink_server import MavlinkServer
     from daemon.sim.px4 import SimulatedPx4
 
     if port + vehicles - 1 > _LAST_PORT:

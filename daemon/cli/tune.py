@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from daemon.cli.common import Exit, JsonOption, examples, fail, note, on_interrupt, say, say_json
+from daemon.cli.common import Exit, JsonOption, examples, fail, missing, note, on_interrupt, say, say_json
 from daemon.cli.daemon_commands import ConfigFiles
 from daemon.cli.demo_children import Child, ChildError, free_udp_port
 
@@ -137,8 +137,8 @@ def _write(out: Path, name: str, measured: "Measured", proposal: "Proposal", con
     load([*configs, settings])
     try:
         from daemon.tuning.picture import picture
-    except ImportError:
-        note("no picture without matplotlib: pip install 'flightd[report]'")
+    except ModuleNotFoundError as error:
+        note(f"no picture: {missing(error)}")
         return [settings]
     drawn = out / f"{name}.png"
     drawn.write_bytes(picture(measured, proposal, name))

@@ -10,7 +10,11 @@ class FlightError(Exception):
 
 
 class NoDaemonError(FlightError):
-    """Nobody listens at the socket, or the socket does not let us in."""
+    """Nobody listens at the socket."""
+
+
+class SocketNotPermittedError(NoDaemonError):
+    """The socket does not let this user in."""
 
 
 class ConnectionLostError(FlightError):

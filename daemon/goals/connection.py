@@ -8,7 +8,13 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from daemon.goals.client_errors import ConnectionLostError, InvalidRequestError, NoDaemonError, error_from
+from daemon.goals.client_errors import (
+    ConnectionLostError,
+    InvalidRequestError,
+    NoDaemonError,
+    SocketNotPermittedError,
+    error_from,
+)
 from daemon.goals.errors import MAX_LINE_BYTES, ErrorCode
 
 MAX_REPLY_BYTES = 4 * 1024 * 1024
@@ -95,7 +101,7 @@ class Connection:
             reader, self._writer = await asyncio.open_unix_connection(str(self._path), limit=MAX_REPLY_BYTES)
         except PermissionError:
             hint = "ask for membership in its group, or use sudo"
-            raise NoDaemonError(f"the socket {self._path} does not let this user in: {hint}") from None
+            raise SocketNotPermittedError(f"the socket {self._path} does not let this user in: {hint}") from None
         except OSError as error:
             why = error.strerror.lower() if error.strerror else str(error)
             hint = "start one with `flightd run`, or name its socket with --socket or $FLIGHTD_SOCKET"

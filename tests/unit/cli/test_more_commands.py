@@ -1,6 +1,7 @@
 import json
 import subprocess
 import sys
+from importlib.metadata import version
 
 import pytest
 from fake_flight import serving_in_thread
@@ -159,5 +160,28 @@ def test_a_socket_that_does_not_let_the_user_in_says_what_to_do(command, path, m
     monkeypatch.setattr("os.access", lambda *_args, **_more: False)  # root may read all
     monkeypatch.setattr("asyncio.open_unix_connection", refuse)
     words = ["5"] if command == "takeoff" else []
-    said = CliRunner().invoke(build(command), [command, *words, "--socket", str(path)]).output
-    assert "does not let this user in: ask for membership in its group" in said
+    done = CliRunner().invoke(build(command), [command, *words, "--socket", str(path)])
+    assert "does not let this user in: ask for membership in its group" in done.output
+    assert command == "doctor" or done.exit_code == 6
+
+
+def test_the_version_is_told():
+    done = CliRunner().invoke(build(None), ["--version"])
+    assert (done.exit_code, done.output) == (0, f"flightd {version('flightd')}\n")
+
+
+@pytest.mark.parametrize("arguments", [["sim"], ["report", "FLIGHT.mcap"], ["bench", "loop"]])
+def test_a_command_without_its_extra_says_what_to_install(arguments):
+    packages = {"sim": "pymavlink", "report": "matplotlib", "bench": "pymavlink"}
+    code = f"""
+import sys
+sys.modules["pymavlink"] = sys.modules["matplotlib"] = None  # as if they were not installed
+sys.argv = {["flightd", *arguments]}
+from daemon.cli.main import main
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert f"needs {packages[arguments[0]]}" in done.stderr
+    assert "pip install" in done.stderr
+    assert "Traceback" not in done.stderr
