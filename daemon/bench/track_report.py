@@ -84,7 +84,7 @@ def picture(runs: list[Run]) -> bytes:
             for run in of_name:
                 if run.condition == condition:
                     axes.plot(*_east_north(run), color=colours[run.contestant], linewidth=0.9, label=run.contestant)
-            axes.set_title(f"{name.replace('_', ' ')} m/s, {condition}")
+            axes.set(title=f"{name.replace('_', ' ')} m/s, {condition}", xlabel="east, m", ylabel="north, m")
             axes.set_aspect("equal")
         _bars(figure.add_subplot(grid[1, :]), runs, contestants, colours)
     return style.png(figure)

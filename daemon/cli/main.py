@@ -64,7 +64,9 @@ class Commands(TyperGroup):
 
 def build(command: str | None) -> typer.Typer:
     """Make the application; for a known command only that command's module is imported, so that it starts fast."""
-    app = typer.Typer(cls=Commands, name="flightd", no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
+    app = typer.Typer(
+        cls=Commands, name="flightd", no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None
+    )
     app.callback(help=HELP, epilog=EPILOG)(_options)
     modules = [COMMANDS[command]] if command in COMMANDS else list(dict.fromkeys(COMMANDS.values()))
     for module in modules:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import dist
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from daemon.recording.analysis import Array, GoalSummary, Traces
 from daemon.recording.style import BAD, FLOWN, INK, MUTED, thinned
 
 Line = tuple[Array, str, str, float]  # values, colour, name, width
+TOUCHING = 0.03  # of an axis: numbers nearer than this run together
 MARKED = {"reset": BAD, "fast_slide": BAD, "record_gap": BAD, "refused": FLOWN, "goal.refused": FLOWN}
 
 
@@ -47,12 +49,14 @@ def stack(scene: Scene, panels: Sequence[tuple[str, Sequence[Line]]]) -> Figure:
 
 
 def mark_goals(axes: Axes, scene: Scene) -> None:
-    """A line where each goal begins."""
-    for number, goal in enumerate(scene.goals, 1):
+    """A line where each goal begins, and its number; goals whose numbers would touch share one."""
+    for goal in scene.goals:
         axes.axvline(goal.begin_s, color=MUTED, lw=0.8, ls=(0, (4, 3)))
+    begins = [[goal.begin_s] for goal in scene.goals]
+    for group in together(begins, TOUCHING * (axes.get_xlim()[1] - axes.get_xlim()[0])):
         axes.annotate(
-            f"{number}",
-            (goal.begin_s, 1.0),
+            numbered(group),
+            (scene.goals[group[0]].begin_s, 1.0),
             (2, -9),
             xycoords=("data", "axes fraction"),
             textcoords="offset points",
@@ -71,7 +75,34 @@ def mark_events(axes: Axes, scene: Scene) -> None:
 
 def mark_targets(axes: Axes, scene: Scene) -> None:
     """A numbered dot where each goal is, seen from above."""
-    for number, goal in enumerate(scene.goals, 1):
-        if goal.target_ned_m is not None:
-            axes.plot(goal.target_ned_m[1], goal.target_ned_m[0], "o", color=INK, ms=4)
-            axes.annotate(f"{number}", goal.target_ned_m[1::-1], (5, 5), textcoords="offset points", color=INK)
+    known = [i for i, goal in enumerate(scene.goals) if goal.target_ned_m is not None]
+    targets = [(scene.goals[i].target_ned_m or (0.0, 0.0, 0.0))[1::-1] for i in known]
+    axes.plot([east for east, _ in targets], [north for _, north in targets], "o", color=INK, ms=4)
+    for group in together(targets, TOUCHING * float(np.ptp(axes.dataLim.get_points(), axis=0).max())):
+        text = numbered([known[i] for i in group])
+        axes.annotate(text, targets[group[0]], (5, 5), textcoords="offset points", color=INK)
+
+
+def together(places: Sequence[Sequence[float]], apart: float) -> list[list[int]]:
+    """Indices in groups: each place joins the first group whose first place is less than ``apart`` away."""
+    groups: list[list[int]] = []
+    for i, place in enumerate(places):
+        near = (group for group in groups if dist(places[group[0]], place) < apart)
+        group = next(near, None)
+        if group is None:
+            groups.append([i])
+        else:
+            group.append(i)
+    return groups
+
+
+def numbered(indices: Sequence[int]) -> str:
+    """Numbers, counted from 1, of ascending indices; three or more in a row as a range: ``1, 3–5``."""
+    runs: list[list[int]] = []
+    for index in indices:
+        if runs and runs[-1][-1] == index - 1:
+            runs[-1].append(index)
+        else:
+            runs.append([index])
+    texts = (f"{run[0] + 1}–{run[-1] + 1}" if len(run) > 2 else ", ".join(f"{i + 1}" for i in run) for run in runs)
+    return ", ".join(texts)

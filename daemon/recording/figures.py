@@ -104,19 +104,13 @@ def timing(scene: Scene) -> Figure:
                 continue
             low, high = np.percentile(known, (0.0, 99.8))
             edges = np.linspace(low, max(high, low + 0.1), 60)
-            counts, _, bars = axes.hist(np.clip(known, edges[0], edges[-1]), bins=list(edges), color=WANTED, log=True)
+            _, _, bars = axes.hist(np.clip(known, edges[0], edges[-1]), bins=list(edges), color=WANTED, log=True)
+            note = f"p99 {np.percentile(known, 99):.2f}, largest {known.max():.1f}"
             if known.max() > edges[-1]:
                 bars[-1].set_color(MUTED)
-                place, offset = (edges[-1], counts[-1]), (0.0, 2.0)
-                axes.annotate("and longer", place, offset, textcoords="offset points", ha="right", color=MUTED)
+                note += ", grey: all that are longer"
             axes.axvline(float(np.percentile(known, 99)), color=FLOWN, lw=1.2)
-            axes.annotate(
-                f"p99 {np.percentile(known, 99):.2f}, largest {known.max():.1f}",
-                (1.0, 1.02),
-                xycoords="axes fraction",
-                ha="right",
-                color=MUTED,
-            )
+            axes.annotate(note, (1.0, 1.02), xycoords="axes fraction", ha="right", color=MUTED)
             axes.set(title=title, ylabel="ticks")
             axes.grid(axis="x", visible=False)
     return figure
@@ -146,7 +140,9 @@ def timeline(scene: Scene) -> Figure:
                 alpha=0.4,
                 lw=0,
             )
-            axes.text(end, rows - 1 - number, f"  {goal.outcome or 'active'}", va="center", fontsize=8.5)
+            late = end > 0.88 * t.time_s[-1]  # no room to the right of it
+            place, side = (goal.begin_s, "right") if late else (end, "left")
+            axes.text(place, rows - 1 - number, f"  {goal.outcome or 'active'}  ", va="center", ha=side, fontsize=8.5)
         for event in scene.events:
             colour = MARKED.get(event["code"], MUTED)
             axes.plot(event["time_s"] - scene.zero_s, 0, "|", color=colour, ms=11, mew=1.6)

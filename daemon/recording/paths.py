@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from daemon.recording import style
 from daemon.recording.analysis import Array
-from daemon.recording.drawing import Scene, mark_goals, mark_targets
+from daemon.recording.drawing import TOUCHING, Scene, mark_goals, mark_targets, numbered, together
 from daemon.recording.style import FLOWN, GRID, INK, WANTED, thinned
 
 
@@ -23,11 +23,12 @@ def path_3d(scene: Scene) -> Figure:
         ):
             step = max(1, len(path) // 1500)
             axes.plot(path[::step, 1], path[::step, 0], -path[::step, 2], color=colour, lw=width, label=name)
-        for number, goal in enumerate(scene.goals, 1):
-            if goal.target_ned_m is not None:
-                n, e, d = goal.target_ned_m
-                axes.scatter([e], [n], [-d], color=INK, s=22, depthshade=False)
-                axes.text(e, n, -d, f"  {number}", color=INK)
+        known = [i for i, goal in enumerate(scene.goals) if goal.target_ned_m is not None]
+        targets = [(e, n, -d) for n, e, d in (scene.goals[i].target_ned_m or (0.0, 0.0, 0.0) for i in known)]
+        for target in targets:
+            axes.scatter(*([value] for value in target), color=INK, s=22, depthshade=False)
+        for group in together(targets, TOUCHING * float(np.ptp(t.position_m, axis=0).max())):
+            axes.text(*targets[group[0]], f"  {numbered([known[i] for i in group])}", color=INK)
         axes.set_xlabel("east, m")
         axes.set_ylabel("north, m")
         axes.set_zlabel("up, m")
@@ -84,8 +85,8 @@ def overview(scene: Scene) -> Figure:
         error, heading = figure.add_subplot(grid[1, 0]), figure.add_subplot(grid[1, 1])
         error.plot(*thinned(t.time_s, t.distance_m), color=FLOWN, lw=1.2)
         heading.plot(*thinned(t.time_s, t.yaw_error_deg), color=FLOWN, lw=1.2)
-        error.set(title="Position error against the reference", xlabel="time, s", ylabel="m", ylim=(0.0, None))
-        heading.set(title="Heading error against the reference", xlabel="time, s", ylabel="°")
+        error.set(title="Position error, m", xlabel="time, s", ylim=(0.0, None))
+        heading.set(title="Heading error, °", xlabel="time, s")
         for axes in (height, error, heading):
             mark_goals(axes, scene)
     return figure

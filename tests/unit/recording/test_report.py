@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from daemon.recording import analysis, figures, flight, report, style, writer
+from daemon.recording.drawing import numbered, together
 from daemon.recording.recorder import Recorder, RecordingSettings
 from daemon.recording.topics import Step
 
@@ -107,3 +108,9 @@ def test_stretches_of_equal_states_are_joined() -> None:
         (2.0, 4.0, "b"),
         (4.0, 4.0, "a"),
     ]
+
+
+def test_goals_that_lie_close_together_share_a_number():
+    places = [(0.0,), (5.0,), (5.1,), (5.2,), (5.3,), (9.0,), (0.1,)]
+    groups = together(places, 0.5)
+    assert [numbered(group) for group in groups] == ["1, 7", "2–5", "6"]
