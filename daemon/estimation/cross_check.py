@@ -3,6 +3,10 @@
 An accelerometer reads specific force, so in accelerated flight it does not point along gravity: its weight falls to
 zero as the low-passed length departs from g, and the gain is so low that a manoeuvre of a second or two, which may keep
 the length near g, hardly tilts the filter. Heading is not compared: without a magnetometer there is none.
+
+A gyro sample tells nothing of a gap before it. Over a gap the filter turns as the autopilot says that the vehicle did:
+how far the two were apart stays, and the accelerometer goes on to correct. So neither does a turn in a gap look like a
+disagreement, nor do gaps hide one, however often they come.
 """
 
 from dataclasses import dataclass, field
@@ -15,8 +19,8 @@ from daemon.estimation.mahony import (
     propagate,
     with_orientation,
 )
-from daemon.frames import clamp, cross, dot, norm, rotate_inverse
-from daemon.messages import GRAVITY_M_S2, Imu, Quat, Vec3
+from daemon.frames import clamp, conjugate, cross, dot, multiply, norm, rotate_inverse
+from daemon.messages import GRAVITY_M_S2, IDENTITY, Imu, Quat, Vec3
 from daemon.values import value
 
 _DOWN: Vec3 = (0.0, 0.0, 1.0)
@@ -24,61 +28,66 @@ _DOWN: Vec3 = (0.0, 0.0, 1.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CrossCheckParameters:
-    """Gains of the filter and bounds of the comparison.
+    """Gains of the filter and times of the comparison.
 
     ``force_band_m_s2``: departure of the specific force's length from g at which the accelerometer loses all weight.
-    ``bound_rad``: tilt disagreement that counts. ``gap_s``: after a longer gap of the IMU the filter starts anew.
+    ``gap_s``: a longer time between samples is a gap; an older attitude is not compared.
     """
 
     mahony: MahonyParameters = field(default_factory=lambda: MahonyParameters(kp_1_s=0.2, ki_1_s2=0.005))
     force_smoothing_s: float = 0.1
     force_band_m_s2: float = 1.5
     smoothing_s: float = 1.0
-    bound_rad: float = 0.17
-    gap_s: float = 0.5
+    gap_s: float = 0.1
 
 
 @value
 class CrossCheckState:
-    """The filter, and the comparison: ``disagreement_rad`` low-passed, ``lasting_s`` for how long beyond the bound."""
+    """The filter, the attitude that it was last compared with, and by how much they differ, low-passed."""
 
     imu: Imu | None = None
     filter: MahonyState = field(default_factory=MahonyState)
+    attitude_wb: Quat = IDENTITY
     force_m_s2: float = GRAVITY_M_S2
     disagreement_rad: float = 0.0
-    lasting_s: float = 0.0
 
 
 def step(
-    state: CrossCheckState, imu: Imu | None, attitude_wb: Quat | None, *, parameters: CrossCheckParameters
+    state: CrossCheckState, imu: Imu | None, attitude_wb: Quat | None, age_s: float, *, parameters: CrossCheckParameters
 ) -> CrossCheckState:
-    """Take the newest IMU sample, when it is new, and compare with the newest attitude of the autopilot.
+    """Take the newest IMU sample, when it is new, and compare with the newest attitude of the autopilot, ``age_s`` old.
 
-    The filter starts from the autopilot's attitude, also after a gap or a step of the IMU's clock.
+    The filter starts from the autopilot's attitude, also when the IMU's clock was set back. While the attitude is too
+    old, or still that of before a gap, nothing is taken.
     """
     if imu is None or imu is state.imu or attitude_wb is None or not _is_attitude(attitude_wb):
         return state
     dt_s = 0.0 if state.imu is None else (imu.stamp_us - state.imu.stamp_us) * 1e-6
-    if not 0.0 < dt_s <= parameters.gap_s:
-        return CrossCheckState(imu, with_orientation(state.filter, attitude_wb))
+    gap = dt_s > parameters.gap_s
+    if age_s > parameters.gap_s or (gap and age_s > 0.5 * dt_s):
+        return state
+    if dt_s <= 0.0:
+        return CrossCheckState(imu, with_orientation(state.filter, attitude_wb), attitude_wb)
     force = _smoothed(state.force_m_s2, norm(imu.specific_force_frd_m_s2), dt_s, parameters.force_smoothing_s)
     weight = clamp(1.0 - abs(force - GRAVITY_M_S2) / parameters.force_band_m_s2, 0.0, 1.0)
-    turning = propagate(
-        measure(
-            state.filter,
-            imu.specific_force_frd_m_s2,
-            imu.rates_frd_rad_s,
-            imu.magnetic_field_frd_gauss,
-            parameters=parameters.mahony,
-            accelerometer_weight=weight,
-        ),
+    measured = measure(
+        _turned_alike(state, attitude_wb) if gap else state.filter,
+        imu.specific_force_frd_m_s2,
+        state.filter.bias_b_rad_s if gap else imu.rates_frd_rad_s,
+        imu.magnetic_field_frd_gauss,
         parameters=parameters.mahony,
-        dt_s=dt_s,
+        accelerometer_weight=weight,
     )
+    turning = propagate(measured, parameters=parameters.mahony, dt_s=min(dt_s, parameters.gap_s))
     apart = tilt_between(turning.attitude_wb, attitude_wb)
     disagreement = _smoothed(state.disagreement_rad, apart, dt_s, parameters.smoothing_s)
-    lasting = state.lasting_s + dt_s if disagreement > parameters.bound_rad else 0.0
-    return CrossCheckState(imu, turning, force, disagreement, lasting)
+    return CrossCheckState(imu, turning, attitude_wb, force, disagreement)
+
+
+def _turned_alike(state: CrossCheckState, attitude_wb: Quat) -> MahonyState:
+    """The filter after the turn of the body that the autopilot tells of since the last comparison."""
+    turn = multiply(conjugate(state.attitude_wb), attitude_wb)
+    return with_orientation(state.filter, multiply(state.filter.attitude_wb, turn))
 
 
 def tilt_between(a_wb: Quat, b_wb: Quat) -> float:

@@ -87,10 +87,9 @@ def step(
     acceleration = acceleration_ned_m_s2 if is_finite(acceleration_ned_m_s2) else ZERO3
     acceleration = clip_norm(acceleration, parameters.reset.acceleration_max_m_s2)
     intake, taken = take(state.intake, odometry, acceleration, now_s, parameters=parameters, sync=sync)
-    # An attitude from before a pause of the process is not one to start the second opinion from.
-    fresh = intake.newest is not None and now_s - intake.newest.time_s <= parameters.cross_check.gap_s
-    attitude = intake.newest.attitude_wb if intake.newest is not None and fresh else None
-    checked = cross_check.step(state.cross_check, imu, attitude, parameters=parameters.cross_check)
+    attitude = None if intake.newest is None else intake.newest.attitude_wb
+    attitude_age_s = 0.0 if intake.newest is None else now_s - intake.newest.time_s
+    checked = cross_check.step(state.cross_check, imu, attitude, attitude_age_s, parameters=parameters.cross_check)
     newest, memory, events, fused = intake.newest, None, taken.events, _NOT_FUSED
     if parameters.fusion is not None:
         memory, fused = _fused(state.fusion, newest, taken.reset, pose, acceleration, now_s, parameters.fusion)
