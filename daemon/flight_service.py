@@ -111,13 +111,20 @@ class Service:
 
     # -- goals
 
+    @property
+    def releases(self) -> int:
+        """See ``FlightService``."""
+        return self._commander.releases
+
     async def goal_submit(self, params: methods.GoalSubmit, caller: Caller, goal_id: str) -> results.GoalAccepted:
         """See ``FlightService``."""
         try:
-            engage = self._needs_engage()
+            self._needs_engage()
+            releases = self.releases
             order = await orders.order(goal_id, params, self._place(), caller.connection)
-            if self._needs_engage() and not engage:
+            if self.releases != releases:
                 raise ProtocolError(ErrorCode.WRONG_STATE, "the vehicle was released while the goal was planned")
+            engage = self._needs_engage()
         except ProtocolError as error:
             self._journal.goal("refused", goal_id, {"field": error.field, "reason": error.reason})
             raise
@@ -244,15 +251,16 @@ class Service:
         if self._vehicle.stopping:
             raise ProtocolError(ErrorCode.WRONG_STATE, "the daemon is stopping")
         state = self._commander.state
+        engages = state is State.READY and self._vehicle.config.goals.engage_on_submit
+        try:
+            self._commander.require_no_other_mode()
+            if engages:
+                self._commander.require_engageable()
+        except NotPossibleError as error:
+            raise ProtocolError(ErrorCode.WRONG_STATE, str(error)) from None
         if state in FLYING:
             return False
-        if state is State.ENGAGING:
-            return True
-        if state is State.READY and self._vehicle.config.goals.engage_on_submit:
-            try:
-                self._commander.require_engageable()
-            except NotPossibleError as error:
-                raise ProtocolError(ErrorCode.WRONG_STATE, str(error)) from None
+        if engages or state is State.ENGAGING:
             return True
         hint = {
             State.DISCONNECTED: "no autopilot is connected",

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
+from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
@@ -41,7 +42,19 @@ MAX_GOALS_WAITING = 64
 LONG_S = 0.001
 REST = 3.0
 BUSY = "too many of these wait to be done; try again when some are"
+RELEASED = "the vehicle was released while the {} waited"
+RELEASING = frozenset({"vehicle.hold", "vehicle.land", "vehicle.return"})
 INTERNAL = "something went wrong inside the daemon; its log says what"
+
+
+@dataclass(slots=True)
+class _Sent:
+    """When a line was sent: after so many ``releases`` of the vehicle, those that it asks for itself included.
+
+    What waits for its turn must not take back a vehicle that somebody gave away after that.
+    """
+
+    releases: int
 
 
 class Dispatcher:
@@ -115,7 +128,7 @@ class Dispatcher:
         return None
 
     async def _answer(self, session: Session, call: Call) -> None:
-        reply, goal_id = await self._call(session, call)
+        reply, goal_id = await self._call(session, call, _Sent(self._service.releases))
         session.send(reply, essential=True)
         if goal_id is not None:
             self._hub.goal_answered(goal_id)
@@ -135,22 +148,23 @@ class Dispatcher:
         """Replies to the messages of a batch, and the ids of the goals that it submitted."""
         replies: list[bytes] = []
         goal_ids: list[str] = []
+        sent = _Sent(self._service.releases)
         for message in messages:
             await self._turn(session.caller)
             item = interpret(message, operator=session.caller.operator)
             if isinstance(item, Call) and not item.method.notification:
-                reply, goal_id = await self._call(session, item)
+                reply, goal_id = await self._call(session, item, sent)
                 replies.append(reply)
                 goal_ids += [goal_id] if goal_id is not None else []
             elif (refusal := self._answer_now(session, item)) is not None:
                 replies.append(refusal)
         return replies, goal_ids
 
-    async def _call(self, session: Session, call: Call) -> tuple[bytes, str | None]:
+    async def _call(self, session: Session, call: Call, sent: _Sent) -> tuple[bytes, str | None]:
         """Reply of one request, and the id of the goal that it submitted."""
         goal_id = self._hub.new_goal(session) if isinstance(call.params, GoalSubmit) else None
         try:
-            return encode_result(call.id, await self._result(session, call, goal_id)), goal_id
+            return encode_result(call.id, await self._result(session, call, goal_id, sent)), goal_id
         except ProtocolError as error:  # not kept in a name that outlives it: that would be a cycle, garbage
             reply = encode_error(call.id, error)
         except Exception:
@@ -160,7 +174,7 @@ class Dispatcher:
             self._hub.goal_refused(goal_id)
         return reply, None
 
-    async def _result(self, session: Session, call: Call, goal_id: str | None) -> Mapping[str, Any]:
+    async def _result(self, session: Session, call: Call, goal_id: str | None, sent: _Sent) -> Mapping[str, Any]:
         caller = session.caller
         if call.method.name == "system.info":
             return self._info()
@@ -172,12 +186,28 @@ class Dispatcher:
             topics = self._hub.unsubscribe(session, list(call.params.topics or TOPICS))
             return Subscription(topics=topics, rate_hz=session.rate_hz)
         if isinstance(call.params, GoalSubmit) and goal_id is not None:
-            return await self._in_order(session, partial(self._service.goal_submit, call.params, caller, goal_id))
+            return await self._in_order(session, partial(self._submit, call.params, caller, goal_id, sent))
         do: Callable[..., Awaitable[Mapping[str, Any]]] = getattr(self._service, call.method.name.replace(".", "_"))
         # A cancel comes after what its own client asked for before it, but waits for nobody else's goals.
         if isinstance(call.params, GoalUpdate) or (isinstance(call.params, GoalCancel) and session.goals_waiting):
             return await self._in_order(session, partial(do, call.params, caller))
-        return await do(call.params, caller)
+        return await self._do(partial(do, call.params, caller), call.method.name, sent)
+
+    async def _do(
+        self, work: Callable[[], Awaitable[Mapping[str, Any]]], method: str, sent: _Sent
+    ) -> Mapping[str, Any]:
+        kept = self._service.releases == sent.releases
+        if method == "vehicle.engage" and not kept:
+            raise ProtocolError(ErrorCode.WRONG_STATE, RELEASED.format("request"))
+        result = await work()
+        if kept and method in RELEASING:  # and nobody else's was newer, or it would not be done
+            sent.releases = self._service.releases
+        return result
+
+    async def _submit(self, params: GoalSubmit, caller: Caller, goal_id: str, sent: _Sent) -> Mapping[str, Any]:
+        if self._service.releases != sent.releases:
+            raise ProtocolError(ErrorCode.WRONG_STATE, RELEASED.format("goal"))
+        return await self._service.goal_submit(params, caller, goal_id)
 
     async def _in_order(self, session: Session, work: Callable[[], Awaitable[Mapping[str, Any]]]) -> Mapping[str, Any]:
         """One goal at a time: the last to come is the last to be flown, and few are checked in threads at once."""

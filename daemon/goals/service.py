@@ -79,6 +79,10 @@ class FlightService(Protocol):
     async def vehicle_return(self, params: NoParams, caller: Caller) -> VehicleDone:
         """Return to launch; returns when disarmed."""
 
+    @property
+    def releases(self) -> int:
+        """How often the vehicle was given away, or asked to be: a goal that waited meanwhile is not submitted."""
+
     async def goal_submit(self, params: GoalSubmit, caller: Caller, goal_id: str) -> GoalAccepted:
         """Accept a goal as ``goal_id`` and return at once; each accepted goal gets exactly one `Hub.goal_result`."""
 

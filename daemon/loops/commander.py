@@ -15,7 +15,7 @@ from daemon.autopilot.port import (
 from daemon.latest import Latest
 from daemon.loops.engageable import hindrances
 from daemon.messages import FlightMode, LandedState, RequestKind, VehicleRequest
-from daemon.pipeline import Record
+from daemon.pipeline import Inputs, Record
 from daemon.safety.conditions import PILOT_MODES
 from daemon.safety.dead_man import SetpointGate
 from daemon.safety.reasons import REASONS
@@ -51,7 +51,8 @@ def _require_wanted(wanted: bool) -> None:
 class Commander:
     """One request at a time: a newer one ends a pending one with ``NotPossibleError("superseded ...")``.
 
-    A request that is refused at once ends none. ``stopping``: the vehicle is not engaged any more.
+    A request that is refused at once ends none. ``stopping``: the vehicle is not engaged any more. ``releases`` counts
+    what gave the vehicle away, or was asked to: what was sent before must not take it again.
     """
 
     def __init__(
@@ -68,7 +69,9 @@ class Commander:
         self._request = request
         self._timeouts = timeouts
         self._turn = 0
+        self._flying = False
         self.stopping = False
+        self.releases = 0
 
     @property
     def state(self) -> State:
@@ -81,6 +84,12 @@ class Commander:
         """Whether the supervisor has read the newest request."""
         record, last = self._record.value, self._request.value
         return last is None or (record is not None and record.supervision.serial == last.serial)
+
+    def on_control_tick(self, _inputs: Inputs, record: Record) -> None:
+        """A listener of the control task: the vehicle goes to somebody else, whoever wanted it."""
+        flying = record.supervision.state in FLYING
+        self.releases += self._flying and not flying
+        self._flying = flying
 
     async def arm(self) -> None:
         """Arm; done when telemetry shows it."""
@@ -130,6 +139,7 @@ class Commander:
 
     def ask_engage(self) -> None:
         """Ask for the vehicle, unless it is ours or about to be. Raises ``NotPossibleError`` and asks for nothing."""
+        self.require_no_other_mode()
         if self.state in FLYING or self.state is State.ENGAGING:
             return
         self.require_engageable()
@@ -152,6 +162,12 @@ class Commander:
         await self._wait(wanted, ended, self._timeouts.engage_s, "engaged")
         if self.state not in FLYING:
             raise CommandRefusedError(f"engage ended in state {self.state.value}: {self._reason()}{words}")
+
+    def require_no_other_mode(self) -> None:
+        """Raise ``NotPossibleError`` while another mode was asked for that the supervisor has yet to read."""
+        last = self._request.value
+        if last is not None and last.kind is not RequestKind.ENGAGE and not self.read:
+            raise NotPossibleError(f"cannot engage: {last.kind.value} was asked for and may still come")
 
     def require_engageable(self) -> None:
         """Raise ``NotPossibleError`` with what is missing, unless the vehicle could be engaged now."""
@@ -217,6 +233,7 @@ class Commander:
     async def _begin_leaving(self, what: str) -> int:
         """Begin a request for another mode; a release that is under way is let end first, it takes no second wish."""
         self._require_flyable(what)
+        self.releases += 1
         turn = self._begin()
         await self._until(turn, lambda: self.state is not State.RELEASING, self._timeouts.mode_s, "released")
         self._require_flyable(what)

@@ -72,6 +72,7 @@ class Vehicle:
         self.control.listeners.append(self.trajectory.on_control_tick)
         self.garbage = Garbage(control_grid)
         self.commander = Commander(autopilot, self.gate, self.record, self.request, CommandTimeouts())
+        self.control.listeners.append(self.commander.on_control_tick)
         self.health = HealthTask(self, Grid(0.2, alarm()))
 
     @property

@@ -1,11 +1,10 @@
 """Requests that cross each other, at the worst tick: the newest counts, none is lost, and replies are true."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
-from typing import Any
 
 import pytest
 from support.flight import CALLER, Flight, fly
+from support.wire import slow_planner
 
 from daemon.autopilot.port import Command, CommandKind, CommandRefusedError
 from daemon.goals.errors import ErrorCode, ProtocolError
@@ -24,27 +23,6 @@ async def _wait(flight: Flight, time_s: float) -> None:
 
 async def _on_ground(flight: Flight) -> None:
     await flight.until(lambda: flight.state is State.STANDBY and flight.records[-1].estimate.newest is not None)
-
-
-def _slow_planner(seconds: float, after: int = 0) -> None:
-    """Let work for the executor take time, all but the first pieces of it."""
-    loop = asyncio.get_running_loop()
-    at_once: Callable[..., Awaitable[Any]] = loop.run_in_executor
-    count = 0
-
-    def slowly(*arguments: Any) -> Awaitable[Any]:
-        nonlocal count
-        count += 1
-        if count <= after:
-            return at_once(*arguments)
-
-        async def work() -> Any:
-            await asyncio.sleep(seconds)
-            return await at_once(*arguments)
-
-        return asyncio.ensure_future(work())
-
-    loop.run_in_executor = slowly  # type: ignore[method-assign,assignment]
 
 
 @pytest.mark.parametrize("request_name", ["hold", "land"])
@@ -142,7 +120,7 @@ def test_a_goal_submitted_while_somebody_else_engages_ends_when_the_engage_is_re
 def test_a_goal_whose_planning_outlasts_the_vehicles_release_is_refused_and_never_flown() -> None:
     async def scenario(flight: Flight) -> None:
         await flight.airborne()
-        _slow_planner(1.0)
+        slow_planner(1.0)
         submitted = asyncio.ensure_future(flight.submit(path=PATH))
         await _wait(flight, 0.2)
         await flight.vehicle.commander.hold()
@@ -159,7 +137,7 @@ def test_a_goal_whose_planning_outlasts_the_vehicles_release_is_refused_and_neve
 def test_a_pilot_who_takes_over_while_a_path_is_planned_ends_its_goal_at_once() -> None:
     async def scenario(flight: Flight) -> None:
         await flight.airborne()
-        _slow_planner(5.0, after=1)
+        slow_planner(5.0, after=1)
         goal_id = await flight.submit(path=PATH)
         await _wait(flight, 0.3)
         flight.px4.inject(PilotTakesOver(mode="position"))
@@ -200,7 +178,7 @@ def test_a_cancel_brakes_at_once_while_a_path_is_still_being_planned() -> None:
         await flight.airborne()
         await flight.goto(80.0, 0.0, -5.0)
         await _wait(flight, 3.0)
-        _slow_planner(5.0, after=1)
+        slow_planner(5.0, after=1)
         goal_id = await flight.submit(path=PATH)
         await _wait(flight, 0.2)
         place = flight.position

@@ -43,6 +43,7 @@ class FakeFlight:
         self.release = asyncio.Event()
         self.setting = dict(SETTING)
         self.state = "ready"
+        self.releases = 0
         self._tasks: set[asyncio.Task] = set()
 
     def identity(self):
@@ -89,6 +90,7 @@ class FakeFlight:
         return await self._vehicle("engage", params, caller)
 
     async def vehicle_hold(self, params, caller):
+        self.releases += 1
         if self.active is not None:
             self.end(self.active, "canceled", reason="vehicle.hold")
         return await self._vehicle("hold", params, caller)

@@ -156,7 +156,7 @@ async def test_goals_are_taken_in_the_order_in_which_they_came_however_long_they
         )
         writer.write(json.dumps(request("goal.submit", {"waypoint": WAYPOINT}, id="quick")).encode() + b"\n")
         writer.write(json.dumps(request("goal.cancel", id="cancel")).encode() + b"\n")
-        assert (await ask(request("vehicle.hold", id="hold")))["id"] == "hold", "nothing waits but goals"
+        assert (await ask(request("vehicle.engage", id="engage")))["id"] == "engage", "nothing waits but goals"
         gate.set()
         ids = []
         while len(ids) < 3:
@@ -164,6 +164,30 @@ async def test_goals_are_taken_in_the_order_in_which_they_came_however_long_they
             ids += [message["id"]] if "id" in message else []
         assert ids == ["slow", "quick", "cancel"]
         assert [record["outcome"] for record in daemon.records.values()] == ["preempted", "canceled"]
+
+
+async def test_a_goal_that_waits_while_the_vehicle_is_released_is_refused(path):
+    async with serving(path) as daemon, connected(path) as (_, writer, ask):
+        submit, gate = daemon.goal_submit, asyncio.Event()
+
+        async def slow(params, caller, goal_id):
+            await gate.wait()
+            return await submit(params, caller, goal_id)
+
+        daemon.goal_submit = slow
+        goals = [request("goal.submit", {"waypoint": WAYPOINT}, id=name) for name in ("begun", "waits")]
+        writer.write(b"".join(json.dumps(goal).encode() + b"\n" for goal in goals))
+        assert (await ask(request("vehicle.hold", id="hold")))["id"] == "hold"
+        later = asyncio.ensure_future(ask(request("goal.submit", {"waypoint": WAYPOINT}, id="later")))
+        gate.set()
+        replies = [await later]
+        while len(replies) < 3:
+            message = await ask(b"")
+            replies += [message] if "id" in message else []
+        assert [reply["id"] for reply in replies] == ["begun", "waits", "later"]
+        assert replies[1]["error"]["code"] == ErrorCode.WRONG_STATE
+        assert "released while the goal waited" in replies[1]["error"]["message"]
+        assert "result" in replies[2]
 
 
 async def test_a_cancel_does_not_wait_for_the_goals_of_others(path):
