@@ -30,6 +30,7 @@ from daemon.messages import (
     FrameShift,
     Reference,
     ReferenceWindow,
+    RequestKind,
     VehicleRequest,
 )
 from daemon.pipeline import Inputs, Record
@@ -223,7 +224,9 @@ class TrajectoryTask:
         if self._active.flying_since_s is not None:
             reason = record.supervision.left
         elif record.supervision.state in WAITING:
-            return
+            if request is None or request.kind is RequestKind.ENGAGE:
+                return
+            reason = "requested"
         if reason == "requested" and request is not None:
             self._end("canceled", reason=f"vehicle.{request.kind.value}")
         else:

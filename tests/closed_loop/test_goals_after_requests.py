@@ -45,7 +45,7 @@ def test_a_landing_that_is_asked_for_before_the_goals_engage_is_read_ends_the_go
         goal_id = await flight.goto(20.0, 0.0, -30.0)
         entry = await flight.result(goal_id, 1.0)
         assert (entry.outcome, entry.reason) == ("canceled", "vehicle.land")
-        assert flight.px4.mode is FlightMode.LAND
+        await flight.until(lambda: flight.px4.mode is FlightMode.LAND, 0.2)
         assert flight.sent == []
         landing.cancel()
 
@@ -72,5 +72,19 @@ def test_a_goal_may_come_with_the_reply_to_a_hold_in_hold() -> None:
         await flight.vehicle.commander.hold()
         goal_id = await flight.goto(3.0, 0.0, -5.0)
         assert (await flight.result(goal_id)).outcome == "succeeded"
+
+    fly(scenario)
+
+
+def test_a_hold_in_the_tick_of_a_goals_acceptance_ends_it_as_canceled() -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne(engage=False)
+        goal_id = await flight.goto(1.0, 0.0, -5.0)  # without a tick after it: the hold replaces the engage unread
+        await flight.vehicle.commander.hold()
+        entry = await flight.result(goal_id, 2.0)
+        assert (entry.outcome, entry.reason) == ("canceled", "vehicle.hold")
+        await asyncio.sleep(3.0)
+        assert flight.px4.mode is FlightMode.HOLD
+        assert flight.sent == []
 
     fly(scenario)
