@@ -14,6 +14,7 @@ from typing import Annotated, Any, NoReturn, TypeVar
 import typer
 from typer.core import TyperCommand
 
+from daemon.cli.output import colours
 from daemon.goals.client import FlightClient
 from daemon.goals.client_errors import (
     ConnectionLostError,
@@ -117,17 +118,12 @@ def note(text: str) -> None:
     typer.echo(text, err=True)
 
 
-def on_terminal() -> bool:
-    """Tell whether a person looks at stdout."""
-    return sys.stdout.isatty()
-
-
 def fail(exit_code: Exit, text: str, as_json: bool, **details: Any) -> NoReturn:
     """Print what went wrong and leave."""
     if as_json:
         say_json({"error": {"message": text, **details}})
     else:
-        typer.secho(text, fg=typer.colors.RED if sys.stderr.isatty() else None, err=True)
+        typer.secho(text, fg=typer.colors.RED if colours(sys.stderr) else None, err=True)
     raise typer.Exit(int(exit_code))
 
 

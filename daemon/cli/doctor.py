@@ -14,8 +14,9 @@ from pathlib import Path
 
 import typer
 
-from daemon.cli.common import JsonOption, SocketOption, examples, on_terminal, say, say_json
+from daemon.cli.common import JsonOption, SocketOption, examples, say, say_json
 from daemon.cli.daemon_commands import ConfigFiles
+from daemon.cli.output import colours
 from daemon.goals.client import FlightClient
 from daemon.goals.client_errors import FlightError
 from daemon.goals.results import HealthTelemetry, SystemInfo
@@ -184,7 +185,8 @@ COLORS = {Level.GOOD: typer.colors.GREEN, Level.WARNING: typer.colors.YELLOW, Le
 
 def _say(finding: Finding) -> None:
     level = f"{finding.level:<8}"
-    say(f"{typer.style(level, fg=COLORS[finding.level]) if on_terminal() else level} {finding.name}: {finding.text}")
+    shown = typer.style(level, fg=COLORS[finding.level]) if colours(sys.stdout) else level
+    say(f"{shown} {finding.name}: {finding.text}")
     if finding.mend:
         say(f"         {finding.mend}")
 

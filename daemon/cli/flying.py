@@ -7,7 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Protocol
 
-from daemon.cli.common import exit_with, note, on_interrupt, on_terminal, run, say, say_json
+from daemon.cli.common import exit_with, note, on_interrupt, run, say, say_json
+from daemon.cli.output import on_terminal
 from daemon.goals.client import FlightClient
 from daemon.goals.client_errors import FlightError
 from daemon.goals.goal import Feedback, Goal, Result

@@ -14,11 +14,11 @@ from daemon.cli.common import (
     examples,
     fail,
     on_interrupt,
-    on_terminal,
     run,
     say,
     say_json,
 )
+from daemon.cli.output import lost, on_terminal
 from daemon.goals.client import FlightClient, Telemetry
 from daemon.goals.results import (
     EventTelemetry,
@@ -143,6 +143,8 @@ async def _lines(flight: FlightClient, as_json: bool) -> None:
             say(event_line(message.data))
         elif message.data["notification"] == "goal.result":
             say(result_line(message.data))
+        if lost():
+            return
 
 
 def watch(as_json: JsonOption = False, socket: SocketOption = None) -> None:
@@ -155,10 +157,11 @@ def watch(as_json: JsonOption = False, socket: SocketOption = None) -> None:
         if not task.cancelled():
             task.result()
 
-    try:
-        run(work, socket, as_json, RECONNECT_S)
-    except BrokenPipeError:
+    if lost():
         fail(Exit.INTERRUPTED, "nobody reads the output", as_json=False)
+    run(work, socket, as_json, RECONNECT_S)
+    if lost():
+        raise typer.Exit(Exit.INTERRUPTED)
 
 
 def register(app: typer.Typer) -> None:

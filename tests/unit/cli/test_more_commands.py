@@ -8,7 +8,7 @@ from fake_flight import serving_in_thread
 from typer.testing import CliRunner
 
 from daemon.cli import doctor
-from daemon.cli.main import COMMANDS, build
+from daemon.cli.commands import COMMANDS, build
 from daemon.cli.settings import parse_value
 from daemon.cli.watch import Picture, rows
 from daemon.goals.client import Telemetry
