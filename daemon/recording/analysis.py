@@ -11,10 +11,11 @@ import numpy as np
 
 from daemon import frames
 from daemon.recording.flight import Flight, Table
+from daemon.safety import supervisor
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 KINDS = ("waypoint", "path", "trajectory", "stream")
-OURS = ("engaging", "holding", "tracking", "releasing")
+OURS = frozenset(state.value for state in supervisor.OURS)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,7 +26,6 @@ class Traces:
     position_m: Array
     velocity_m_s: Array
     reference_m: Array
-    reference_velocity_m_s: Array
     error_m: Array
     yaw_error_deg: Array
     rpy_deg: Array
@@ -82,7 +82,6 @@ def traces(flight: Flight) -> Traces:
         position_m=_column(t, "estimate_newest", "position_ned_m"),
         velocity_m_s=_column(t, "estimate_newest", "velocity_ned_m_s"),
         reference_m=_column(t, "reference", "position_ned_m"),
-        reference_velocity_m_s=_column(t, "reference", "velocity_ned_m_s"),
         error_m=_where(setpoint, t["control_position_error_ned_m"]),
         yaw_error_deg=_where(setpoint, _wrap_deg(_rpy_deg(predicted)[:, 2] - reference_yaw)),
         rpy_deg=rpy,
@@ -141,9 +140,9 @@ def spans(time_s: Array, names: list[str]) -> list[tuple[float, float, str]]:
     return found
 
 
-def summary(flight: Flight, found: Traces, ended: list[GoalSummary], rate_hz: float = 100.0) -> list[str]:
-    """The flight in sentences."""
-    ours = sum(state in OURS for state in found.states) / rate_hz
+def summary(flight: Flight, found: Traces, ended: list[GoalSummary]) -> list[str]:
+    """The flight in sentences. Raises ``RecordError``."""
+    ours = found.period_ms[[state in OURS for state in found.states]].sum() / 1e3
     moved = np.nansum(np.linalg.norm(np.diff(found.position_m, axis=0), axis=1))
     speed = _largest(np.linalg.norm(found.velocity_m_s, axis=1)) or 0.0
     lines = [
@@ -168,7 +167,7 @@ def summary(flight: Flight, found: Traces, ended: list[GoalSummary], rate_hz: fl
             f"Hover thrust was estimated at {hover[-1]:.3f} (from {hover[0]:.3f}); the unknown acceleration (wind, "
             f"payload) was {wind.mean():.2f} m/s² on average and {wind.max():.2f} m/s² at most."
         )
-    lines.append(_timing(found, 1e3 / rate_hz))
+    lines.append(_timing(found, 1e3 / flight.control_rate_hz))
     resets = int(flight.ticks["has_estimate_reset"].sum())
     refused = sum(bool(reason) for reason in flight.ticks.text("estimate_refused"))
     lines.append(

@@ -61,12 +61,11 @@ class Form:
 
 @dataclass(slots=True)
 class Part:
-    """One message: its topic, its data, how it is read (None: JSON), and its wall time."""
+    """One message: its topic, its data, and how it is read (None: JSON)."""
 
     topic: str
     data: bytes
     form: Form | None
-    wall_ns: int
 
     @property
     def json(self) -> dict[str, Any]:
@@ -95,7 +94,7 @@ def messages(file: Path) -> Iterator[Part]:
                     forms[record.id] = Form.of(schema.data.decode()) if binary and schema else None
                 elif isinstance(record, Message) and channels[record.channel_id].topic.startswith("/flightd/"):
                     topic = channels[record.channel_id].topic
-                    yield Part(topic, record.data, forms[record.channel_id], record.log_time)
+                    yield Part(topic, record.data, forms[record.channel_id])
     except (EndOfFile, struct.error):
         return
     except OSError as error:
@@ -151,7 +150,14 @@ class Flight:
     goals: list[dict[str, Any]] = field(default_factory=list)
     plans: list[dict[str, Any]] = field(default_factory=list)
     status: list[dict[str, Any]] = field(default_factory=list)
-    wall_s: float = 0.0
+
+    @property
+    def control_rate_hz(self) -> float:
+        """Ticks a second, as configured. Raises ``RecordError``."""
+        try:
+            return float(self.about["config"]["loops"]["control_rate_hz"])
+        except KeyError:
+            raise RecordError("the record does not hold the configuration that flew") from None
 
 
 def load(files: list[Path]) -> Flight:
@@ -176,5 +182,4 @@ def load(files: list[Path]) -> Flight:
         notes.get("/flightd/goal", []),
         notes.get("/flightd/plan", []),
         [start["status"], *notes.get("/flightd/status", [])],
-        float(about.get("wall_s", 0.0)),
     )

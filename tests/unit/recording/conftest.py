@@ -80,14 +80,22 @@ def window(tick: int) -> ReferenceWindow:
 
 
 def flight(
-    ticks: int, listener: Listener, *, armed: Callable[[int], bool] = lambda tick: True, reset_at: int = -1
+    ticks: int,
+    listener: Listener,
+    *,
+    armed: Callable[[int], bool] = lambda tick: True,
+    reset_at: int = -1,
+    every: int = 1,
 ) -> None:
-    """Engage at tick 30, offboard from tick 60 on; at ``reset_at`` the position jumps by 2 m with its counter."""
+    """Engage at tick 30, offboard from tick 60 on; at ``reset_at`` the position jumps by 2 m with its counter.
+
+    Ticks of 10 ms, or of ``every`` as much: then those between are left out.
+    """
     flown = parameters()
     state = pipeline.initial(flown)
     request = None
     held = window(0)
-    for tick in range(ticks):
+    for tick in range(0, ticks, every):
         request = VehicleRequest(1, RequestKind.ENGAGE) if tick >= 30 else None
         jumped = 0 <= reset_at <= tick
         inputs = Inputs(
@@ -101,10 +109,10 @@ def flight(
             latched=False,
             parameters=flown,
         )
-        state, _, record = pipeline.step(state, inputs, START_S + tick * 0.01, 0.01)
+        state, _, record = pipeline.step(state, inputs, START_S + tick * 0.01, every * 0.01)
         listener(state, inputs, record)
-        if tick % 10 == 9:
-            held = window(tick + 1)
+        if (tick + every) % 10 == 0:
+            held = window(tick + every)
 
 
 @pytest.fixture
@@ -118,12 +126,13 @@ def recorded(
     *,
     notes: Callable[[Recorder], None] | None = None,
     armed: Callable[[int], bool] = lambda tick: True,
+    every: int = 1,
     **settings: Any,
 ) -> list[Path]:
     """Fly into a recorder with these settings; returns the files."""
     made = Recorder(
         RecordingSettings(directory=directory, **{"when": "always", **settings}),
-        {"version": "1", "config_hash": "abc"},
+        {"version": "1", "config_hash": "abc", "config": {"loops": {"control_rate_hz": 100.0 / every}}},
         clock=lambda: START_S + 1.0,
         wall=lambda: 1_800_000_000.0,
     )
@@ -134,7 +143,7 @@ def recorded(
             made._wake.wait(0.001)
         made.tick(state, inputs, record)
 
-    flight(ticks, tick, armed=armed)
+    flight(ticks, tick, armed=armed, every=every)
     if notes:
         notes(made)
     made.close()

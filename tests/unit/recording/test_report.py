@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from daemon.recording import analysis, figures, flight, report, style, writer
+from daemon.recording.codec import RecordError
 from daemon.recording.drawing import numbered, together
 from daemon.recording.recorder import Recorder, RecordingSettings
 from daemon.recording.topics import Step
@@ -71,8 +72,25 @@ def test_a_record_of_the_ground_alone_has_a_page_too(record: Run, tmp_path: Path
     assert "No goal was submitted" in page
 
 
+@pytest.mark.parametrize("every", [1, 2])
+def test_times_and_missed_ticks_follow_the_rate_that_was_configured(record: Run, every: int) -> None:
+    found = flight.load(record(400, every=every))
+    lines = " ".join(analysis.summary(found, analysis.traces(found), []))
+    assert "The record covers 4.0 s, 3.7 s of them under the daemon's control" in lines
+    assert f"The control period was {10 * every:.2f} ms" in lines
+    assert "no ticks missed" in lines
+
+
+def test_a_record_without_its_configuration_is_refused_in_words(record: Run) -> None:
+    found = flight.load(record(100))
+    found.about = {}
+    with pytest.raises(RecordError, match="does not hold the configuration"):
+        analysis.summary(found, analysis.traces(found), [])
+
+
 def test_resets_and_refusals_are_counted(tmp_path: Path, fly: Callable[..., None]) -> None:
-    made = writer.RecordWriter(RecordingSettings(directory=tmp_path, when="always"), {}, lambda: 0.0)
+    about = {"config": {"loops": {"control_rate_hz": 100.0}}}
+    made = writer.RecordWriter(RecordingSettings(directory=tmp_path, when="always"), about, lambda: 0.0)
     fly(200, lambda *step: made.tick(Step(*step)), reset_at=120)
     made.close()
     found = flight.load(list(tmp_path.glob("*.mcap")))
