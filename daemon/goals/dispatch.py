@@ -7,8 +7,7 @@ from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-import structlog
-
+from daemon import logs
 from daemon.goals.errors import ErrorCode, ProtocolError
 from daemon.goals.hub import TOPICS, Hub, event_payload
 from daemon.goals.methods import (
@@ -35,7 +34,7 @@ from daemon.goals.service import Caller, FlightService
 from daemon.goals.session import Session
 from daemon.goals.turns import Turnstile
 
-log = structlog.get_logger(__name__)
+log = logs.get("goals")
 
 MAX_BATCHES = 64
 MAX_GOALS_WAITING = 64

@@ -7,8 +7,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 
-import structlog
-
+from daemon import logs
 from daemon.goals.dispatch import Dispatcher
 from daemon.goals.errors import ErrorCode, ProtocolError
 from daemon.goals.hub import Hub
@@ -25,7 +24,7 @@ VISITS = 32
 CHECK_PERIOD_S = 1.0
 GOODBYE_S = 0.2
 
-log = structlog.get_logger(__name__)
+log = logs.get("goals")
 
 
 def most_clients() -> int:

@@ -4,8 +4,7 @@ import asyncio
 import select
 from typing import Protocol
 
-import structlog
-
+from daemon import logs
 from daemon.goals.errors import ProtocolError
 from daemon.goals.lines import LineSplitter
 from daemon.goals.protocol import encode_error
@@ -17,7 +16,7 @@ HARD_LIMIT_BYTES = 1024 * 1024
 MAX_IN_FLIGHT = 32
 PATIENCE_S = 5.0
 
-log = structlog.get_logger(__name__)
+log = logs.get("goals")
 
 
 class Host(Protocol):
