@@ -102,9 +102,7 @@ class GridReport:
     """Statistics of the newest ticks (``WINDOW`` of them); periods in seconds, counts since the start."""
 
     rate_hz: float
-    period_p50_s: float
     period_p99_s: float
-    period_max_s: float
     late: int
     missed: int
     ticks: int
@@ -134,13 +132,11 @@ class Statistics:
         for period in self._periods:
             insort(ordered, period)
         if not ordered:
-            return GridReport(0.0, 0.0, 0.0, 0.0, self.late, self.missed, self.ticks)
+            return GridReport(0.0, 0.0, self.late, self.missed, self.ticks)
         last = len(ordered) - 1
         return GridReport(
             rate_hz=len(ordered) / sum(ordered) if sum(ordered) > 0.0 else 0.0,
-            period_p50_s=ordered[last // 2],
             period_p99_s=ordered[round(0.99 * last)],
-            period_max_s=ordered[last],
             late=self.late,
             missed=self.missed,
             ticks=self.ticks,
