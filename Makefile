@@ -64,4 +64,4 @@ $(STAMP): pyproject.toml | $(VENV)/.made
 	touch $@
 
 clean:
-	rm -rf $(VENV) build dist flight-report .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) build dist flight-report .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis

@@ -35,6 +35,8 @@ FURTHER_TESTS = {
     ],
     "daemon/control": OF_THE_CONTROLLER,
     "daemon/frames.py": OF_THE_CONTROLLER,
+    "daemon/loops": ["tests/unit/loops"],
+    "daemon/autopilot": ["tests/unit/autopilot"],
     "daemon/pipeline.py": [
         "tests/unit/test_flown_windows.py",
         "tests/replay",
