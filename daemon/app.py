@@ -122,6 +122,7 @@ async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Li
     if recorder is not None:
         logs.flight.source = lambda: recorder.report.flight
         recorder.start()
+        vehicle.health.asked["recording"] = lambda: recorder.warning
         control = vehicle.control
         control.watchers.add("recorder", lambda inputs, record: recorder.tick(control.state, inputs, record))
     server = GoalServer(

@@ -15,6 +15,8 @@ from daemon.notify import notify
 from daemon.parameters import geofence
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from daemon.loops.vehicle import Vehicle
 
 SLIP_PERIOD_S = 5.0
@@ -28,6 +30,7 @@ class HealthTask:
 
     def __init__(self, vehicle: Vehicle, grid: Grid) -> None:
         self.warnings: dict[str, str] = {}
+        self.asked: dict[str, Callable[[], str | None]] = {}  # each tick, by name: a warning, or None
         self._vehicle = vehicle
         self._grid = grid
         self._ticks = (-1, -1)
@@ -55,6 +58,12 @@ class HealthTask:
             self._judge_grids()
         for name, text in vehicle.control.watchers.failures.items():
             self.warnings[f"{name}_failed"] = text
+        for name, ask in self.asked.items():
+            warning = ask()
+            if warning is None:
+                self.warnings.pop(name, None)
+            else:
+                self.warnings[name] = warning
         status = vehicle.autopilot.status.value
         self._follow_fence(status)
         self._follow_connection((status.connected, status.boot_count))

@@ -126,6 +126,16 @@ class Recorder:
         writer = self._writer
         return RecordingReport(writer.written, self._dropped, writer.failures, writer.flight, writer.file)
 
+    @property
+    def warning(self) -> str | None:
+        """What is wrong with the record, in words; None: nothing."""
+        report = self.report
+        if self._writer.trouble or not (report.failures or report.dropped):
+            return self._writer.trouble
+        return (
+            f"the flight record has gaps: writing failed ({report.failures}), entries were dropped ({report.dropped})"
+        )
+
     def close(self) -> None:
         """Write what was handed over and end the file, waiting at most ``CLOSE_S``."""
         self._closing = True
@@ -146,6 +156,7 @@ class Recorder:
 
     def _run(self) -> None:
         settings = self._settings
+        self._writer.check()
         if settings.live_port is not None:
             self._live = Live(settings.live_port, self._wall_s(), settings.path_poses, settings.period_s)
         while not self._closing:

@@ -5,6 +5,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import foxglove
@@ -27,12 +28,14 @@ log = logs.get("recorder")
 class RecordWriter:
     """Takes steps in order, keeps the seconds before a flight, opens, flushes and rotates files; for one thread.
 
+    ``trouble`` says in words why nothing is written, as long as that is so.
     ``wall`` is wall time minus the loop's clock, asked anew for each flight: a companion computer may learn it late.
     """
 
     def __init__(self, settings: "RecordingSettings", about: Mapping[str, Any], wall: Callable[[], float]) -> None:
         self.written = 0
         self.failures = 0
+        self.trouble: str | None = None
         self.flight: str | None = None
         self.file: Path | None = None
         self._settings = settings
@@ -48,6 +51,17 @@ class RecordWriter:
         self._begun = False
         self._flush_due_s = self._retry_s = 0.0
         self._armed_s = float("-inf")
+
+    def check(self) -> None:
+        """Whether files can be made in the directory, so that one hears of it before the flight."""
+        if not self._settings.enabled:
+            return
+        try:
+            self._settings.directory.mkdir(parents=True, exist_ok=True)
+            with TemporaryFile(dir=self._settings.directory):
+                self.trouble = None
+        except OSError as error:
+            self.failed(error)
 
     def tick(self, step: Step) -> None:
         """Write a tick, or keep it in case a flight begins."""
@@ -88,7 +102,9 @@ class RecordWriter:
         log.warning("record_gap", dropped=dropped)
 
     def flush_if_due(self) -> None:
-        """Once a second everything goes to the disk; a full file is ended."""
+        """Once a second everything goes to the disk; a full file is ended. Without one, trouble is looked at again."""
+        if self._sink is None and self.trouble and time.monotonic() >= self._retry_s:
+            self.check()
         if self._sink is None or time.monotonic() < self._flush_due_s:
             return
         self._flush_due_s = time.monotonic() + FLUSH_S
@@ -137,6 +153,7 @@ class RecordWriter:
         except OSError as error:
             self.failed(error)
             return
+        self.trouble = None
         self._begun = False
         self._told = narrator.Told()
         facts = {"time_s": now_s, "flight": self.flight, "part": self._part, "wall_s": self._topics.wall_s}
@@ -168,6 +185,8 @@ class RecordWriter:
     def failed(self, error: Exception) -> None:
         """The disk does not take it: go on without a record and try again later."""
         self.failures += 1
+        cause = (error.strerror if isinstance(error, OSError) else None) or str(error)
+        self.trouble = f"no flight record is written to {self._settings.directory}: {cause}"
         self._retry_s = time.monotonic() + RETRY_S
         log.error("record_failed", error=str(error), file=str(self.file))
         if self._sink is not None:

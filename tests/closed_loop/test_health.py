@@ -1,8 +1,9 @@
 """The health task: the watchdog is fed while both tasks tick, slipping grids are told."""
 
 import pytest
-from support.flight import Flight, fly
+from support.flight import CALLER, Flight, fly
 
+from daemon.goals.methods import NoParams
 from daemon.safety.supervisor import State
 
 
@@ -47,5 +48,17 @@ def test_a_grid_that_slips_is_told_until_it_no_longer_does() -> None:
         assert "11 ticks" in flight.vehicle.health.warnings["control_slips"]
         await later(flight, 5.0)
         assert "control_slips" not in flight.vehicle.health.warnings
+
+    fly(scenario)
+
+
+def test_a_warning_of_others_stands_in_the_status_as_long_as_it_holds() -> None:
+    async def scenario(flight: Flight) -> None:
+        flight.vehicle.health.asked["recording"] = lambda: "no flight record" if flight.now_s < 4.0 else None
+        await standing_by(flight)
+        told = {"code": "recording", "text": "no flight record"}
+        assert told in (await flight.service.status_get(NoParams(), CALLER))["reasons"]
+        await later(flight, 2.0)
+        assert told not in (await flight.service.status_get(NoParams(), CALLER))["reasons"]
 
     fly(scenario)
