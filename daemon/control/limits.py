@@ -5,7 +5,7 @@ from math import atan2, hypot, isfinite, sqrt, tan
 from daemon.frames import clamp, rotate_inverse
 from daemon.messages import Quat, Setpoint, Vec3
 
-_HEIGHT_SHARE = 0.9  # of full thrust for height at most, so that some tilt remains
+_SIDEWAYS_SHARE = 0.1  # of full thrust, kept where it is wanted: 5.7 degrees, half a hundredth of what lifts
 _LAG_MIN_S = 0.02  # the guard turns back no quicker
 _LATE_FACTOR = 1.5  # a late command acts late, and upon rates that were predicted as if it had acted
 _LEVEL = 1e-6  # sine of a tilt without direction
@@ -16,13 +16,15 @@ def thrust_vector(
 ) -> tuple[Vec3, bool]:
     """Thrust acceleration (NED) within tilt and full thrust, and whether it was cut.
 
-    The vertical part is kept as far as thrust goes (always upward, never below the minimum); the horizontal part
-    gets what remains.
+    The vertical part is kept as far as thrust goes (always upward, never below the minimum); the horizontal part gets
+    what remains. Where it is wanted, a tenth of full thrust is kept for it, as PX4 keeps MPC_THR_XY_MARG: a vehicle
+    that cannot climb would otherwise drift away.
     """
     x, y, z = thrust_ned_m_s2
-    up = clamp(-z, vertical_min_m_s2, max(_HEIGHT_SHARE * full_m_s2, vertical_min_m_s2))
-    room = min(up * tan(tilt_max_rad), sqrt(max(full_m_s2 * full_m_s2 - up * up, 0.0)))
     horizontal = hypot(x, y)
+    kept = min(horizontal, _SIDEWAYS_SHARE * full_m_s2)
+    up = clamp(-z, vertical_min_m_s2, max(sqrt(full_m_s2 * full_m_s2 - kept * kept), vertical_min_m_s2))
+    room = min(up * tan(tilt_max_rad), sqrt(max(full_m_s2 * full_m_s2 - up * up, 0.0)))
     if horizontal <= room:
         return (x, y, -up), up != -z
     return (x * room / horizontal, y * room / horizontal, -up), True

@@ -167,8 +167,16 @@ def test_thrust_that_the_least_upward_part_uses_up_has_nothing_sideways() -> Non
 
 
 def test_the_vertical_part_alone_can_be_what_is_cut() -> None:
-    assert cut((0.5, 0.0, -30.0)) == ((0.5, 0.0, -0.9 * FULL), True)
+    assert cut((0.0, 0.0, -30.0)) == ((0.0, 0.0, -FULL), True)
     assert cut((0.5, 0.0, 2.0)) == ((0.5, 0.0, -LEAST), True)
+
+
+def test_height_may_take_all_thrust_but_a_tenth_that_is_wanted_sideways() -> None:
+    assert cut((0.5, 0.0, -0.99 * FULL)) == ((0.5, 0.0, -0.99 * FULL), False)
+    (x, _, z), was_cut = cut((5.0, 0.0, -30.0))
+    assert was_cut and x == pytest.approx(0.1 * FULL) and hypot(x, z) == pytest.approx(FULL)
+    (x, _, z), was_cut = cut((1.0, 0.0, -30.0))
+    assert was_cut and x == pytest.approx(1.0) and hypot(x, z) == pytest.approx(FULL)
 
 
 def test_slew_of_both_signs_and_within_its_step() -> None:

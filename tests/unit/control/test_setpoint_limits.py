@@ -165,7 +165,8 @@ def test_each_limit_is_named_when_it_cuts_and_only_then(sign: float) -> None:
 
     assert names((0.05, 0.02, 0.03), FREE) == ()
     assert names((0.5, 0.3, 0.0), replace(FREE, rate_max_rad_s=0.1)) == ("rates",)
-    assert names((0.0, 0.0, 0.5), replace(FREE, thrust_min=0.49, thrust_max=0.51))[-1] == "thrust"
+    first = "thrust_vector" if sign > 0.0 else "thrust"  # upwards, all of the thrust is in the vector already
+    assert names((0.0, 0.0, 0.5), replace(FREE, thrust_min=0.49, thrust_max=0.51))[0] == first
     assert names(ZERO3, replace(FREE, linear_thrust=(0.05, 0.1), thrust_max=0.55))[-1] == "thrust"
     assert names((0.5, 0.3, 0.0), replace(FREE, rate_slew_max_rad_s2=1.0)) == ("slew",)
     assert names((0.0, 0.0, 0.5), replace(FREE, thrust_slew_max_1_s=0.1)) == ("slew",)
