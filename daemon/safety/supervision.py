@@ -5,7 +5,7 @@ Engage: setpoints that match the vehicle for ``match_s``, then OFFBOARD is asked
 may be lost; refused or not confirmed after ``confirm_s`` it is Land; that too: level for ``level_s``, then silence, so
 that the autopilot's own failsafe starts from level. A release from an engage starts in Hold, and what was asked of the
 autopilot within ``settle_s`` may still take effect: until then that Hold confirms nothing. An OFFBOARD that takes
-effect only after a pilot has ended the engage is undone, by one Hold, within ``undo_s`` of asking for it.
+effect after the vehicle is not ours any more is undone.
 """
 
 from dataclasses import dataclass, field, replace
@@ -13,8 +13,10 @@ from enum import Enum
 from math import inf
 
 from daemon.messages import AutopilotStatus, FlightMode, RequestKind, VehicleRequest
+from daemon.safety import undo as undoing
 from daemon.safety.conditions import PILOT_MODES, Bounds, Conditions, Facts, Memory, evaluate, in_flight
 from daemon.safety.supervisor import FLYING, OURS, State, next_row
+from daemon.safety.undo import NOTHING, Undo
 from daemon.values import value
 
 FENCE_ASKS = 5
@@ -49,7 +51,7 @@ class Supervision:
     """State of the supervisor. ``asked_mode`` is the mode that we asked the autopilot for and have not seen yet;
 
     ``left`` is the reason for which the vehicle was last given back, whatever came after it. From ``settled_s`` on a
-    Hold is an answer to the release.
+    Hold is an answer to the release. ``undo``: what of ours may still come after we let go.
     """
 
     state: State = State.DISCONNECTED
@@ -63,6 +65,7 @@ class Supervision:
     lost_while_ours: bool = False
     landing_asked: bool = False
     settled_s: float = -inf
+    undo: Undo = NOTHING
     memory: Memory = field(default_factory=Memory)
 
 
@@ -90,6 +93,10 @@ def step(
         supervision, modes = _continue(supervision, facts.status, now_s, timing)
         if _drifts_on(supervision, conditions, bounds, now_s, timing):
             supervision, modes = _ask(supervision, bounds.fence_beyond, now_s)
+    if supervision.state not in OURS and _awaited(supervision, facts.status, now_s, timing) is None:
+        undo, answer = undoing.step(supervision.undo, facts.status, now_s, undo_s=timing.undo_s, retry_s=timing.retry_s)
+        if undo is not supervision.undo:
+            supervision, modes = replace(supervision, undo=undo), modes + answer
     if fresh is not None:
         supervision = replace(supervision, serial=fresh.serial)
         if not was_ours:
@@ -118,9 +125,8 @@ def _requests(
     """The conditions about requests, by name."""
     kind = fresh.kind if fresh else None
     elapsed = now_s - supervision.since_s
-    asked = supervision.asked_mode
-    pending = asked is not None and now_s - supervision.asked_s <= timing.request_s
-    confirmed = pending and status.mode is asked
+    asked = _awaited(supervision, status, now_s, timing)
+    confirmed = asked is not None and status.mode is asked
     flying = confirmed and in_flight(status)
     asking_s = 2.0 * timing.confirm_s
     stale = supervision.state is State.RELEASING and status.mode is FlightMode.HOLD and now_s < supervision.settled_s
@@ -136,6 +142,18 @@ def _requests(
         "release_levels": elapsed > asking_s,
         "release_over": elapsed > asking_s + timing.level_s,
     }
+
+
+def _refused(supervision: Supervision, status: AutopilotStatus) -> bool:
+    """The autopilot refused the mode that it was asked for."""
+    refusal = status.mode_refusal
+    return refusal is not None and refusal.mode is supervision.asked_mode and refusal.time_s >= supervision.asked_s
+
+
+def _awaited(supervision: Supervision, status: AutopilotStatus, now_s: float, timing: Timing) -> FlightMode | None:
+    """The mode that we asked for and that may still come."""
+    over = now_s - supervision.asked_s > timing.request_s or _refused(supervision, status)
+    return None if over else supervision.asked_mode
 
 
 _MODE_OF = {
@@ -174,15 +192,13 @@ def _enter(
         supervision = replace(supervision, left=reason)
     supervision = replace(supervision, state=state, since_s=now_s, reason=reason, asked_mode=None, asked_s=-inf, asks=0)
     supervision = replace(supervision, landing_asked=False, settled_s=-inf)
+    supervision = replace(supervision, undo=_left_to_undo(before, state, status, now_s, timing))
     if state is State.RELEASING:
         mode = _MODE_OF[fresh.kind] if fresh is not None and fresh.kind in _MODE_OF else FlightMode.HOLD
         offboard_s = before.asked_s if before.asked_mode is FlightMode.OFFBOARD else -inf
         asked_s = offboard_s if mode is FlightMode.HOLD else now_s
         settled_s = asked_s + timing.settle_s if before.state is State.ENGAGING else -inf
         return replace(supervision, asked_mode=mode, asked_s=now_s, asks=1, settled_s=settled_s), (mode,)
-    if before.state is State.ENGAGING and state is State.PILOT and before.asked_mode is FlightMode.OFFBOARD:
-        # It may still take effect, over the pilot's own choice: see _taken_from_the_pilot.
-        return replace(supervision, asked_mode=FlightMode.OFFBOARD, asked_s=before.asked_s), ()
     if before.state is State.RELEASING and state is State.READY and before.asked_mode is not FlightMode.HOLD:
         # A Land or Return that was asked for may still take effect.
         return replace(supervision, asked_mode=before.asked_mode, asked_s=before.asked_s), ()
@@ -200,20 +216,26 @@ def _enter(
     return supervision, ()
 
 
+def _left_to_undo(before: Supervision, state: State, status: AutopilotStatus, now_s: float, timing: Timing) -> Undo:
+    """What may still come of ours in the new state."""
+    if state in OURS or state is State.STANDBY:
+        return NOTHING
+    if before.state in OURS:
+        return undoing.let_go(status, now_s, undo_s=timing.undo_s)
+    return before.undo
+
+
 def _continue(
     supervision: Supervision, status: AutopilotStatus, now_s: float, timing: Timing
 ) -> tuple[Supervision, tuple[FlightMode, ...]]:
     elapsed = now_s - supervision.since_s
-    refusal = status.mode_refusal
-    refused = refusal is not None and refusal.mode is supervision.asked_mode and refusal.time_s >= supervision.asked_s
+    refused = _refused(supervision, status)
     if supervision.state is State.ENGAGING:
         due = supervision.asks == 0 or (refused and now_s - supervision.asked_s >= timing.retry_s)
         if elapsed >= timing.match_s and due:
             return _ask(supervision, FlightMode.OFFBOARD, now_s)
     if _stalled_and_still_offboard(supervision, status, timing):
         return replace(supervision, asks=1), (FlightMode.HOLD,)
-    if _taken_from_the_pilot(supervision, status, now_s, timing):
-        return replace(supervision, asked_mode=None), (FlightMode.HOLD,)
     if supervision.state is State.RELEASING:
         if not supervision.landing_asked and (refused or elapsed > timing.confirm_s):
             return _ask(replace(supervision, landing_asked=True), FlightMode.LAND, now_s)
@@ -242,16 +264,6 @@ def _stalled_and_still_offboard(supervision: Supervision, status: AutopilotStatu
         and supervision.asks == 0
         and status.mode is FlightMode.OFFBOARD
         and status.heartbeat_s > supervision.since_s + timing.confirm_s
-    )
-
-
-def _taken_from_the_pilot(supervision: Supervision, status: AutopilotStatus, now_s: float, timing: Timing) -> bool:
-    """Our OFFBOARD overtook the pilot's mode: nobody flies, and the sticks are dead, until somebody asks for Hold."""
-    return (
-        supervision.state is State.PILOT
-        and supervision.asked_mode is FlightMode.OFFBOARD
-        and status.mode is FlightMode.OFFBOARD
-        and now_s - supervision.asked_s <= timing.undo_s
     )
 
 

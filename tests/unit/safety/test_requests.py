@@ -4,7 +4,7 @@ import pytest
 from support.statuses import IN_HOLD, ON_GROUND
 from support.supervision_rig import TICK_S, Rig, ready
 
-from daemon.messages import FlightMode, RequestKind, VehicleRequest
+from daemon.messages import FlightMode, ModeRefusal, RequestKind, VehicleRequest
 from daemon.safety.supervision import Drive
 from daemon.safety.supervisor import State
 
@@ -107,3 +107,17 @@ def test_nothing_is_asked_of_a_vehicle_met_in_flight_whatever_mode_it_flies(mode
     assert rig.tick(300) is State.PILOT
     assert rig.asked == []
     assert rig.drive is Drive.SILENT
+
+
+@pytest.mark.parametrize("kind", [RequestKind.HOLD, RequestKind.LAND])
+def test_a_mode_that_was_refused_and_comes_all_the_same_is_somebody_elses(kind: RequestKind) -> None:
+    mode = {RequestKind.HOLD: FlightMode.HOLD, RequestKind.LAND: FlightMode.LAND}[kind]
+    rig = Rig().status(IN_HOLD, mode=FlightMode.MISSION, intended_mode=FlightMode.MISSION)
+    rig.tick()
+    rig.ask(kind).tick()
+    refusal = ModeRefusal(mode, "no position", rig.now_s)
+    rig.status(IN_HOLD, mode=FlightMode.MISSION, intended_mode=FlightMode.MISSION, mode_refusal=refusal).tick(10)
+    rig.status(IN_HOLD, mode=mode, intended_mode=mode, mode_refusal=refusal)
+    assert rig.tick(10) is State.PILOT
+    rig.ask(kind).tick(2)
+    assert rig.supervision.state is not State.PILOT, "an older refusal does not count"

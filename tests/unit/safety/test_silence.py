@@ -19,15 +19,15 @@ def test_a_mode_change_not_asked_for_silences_within_one_tick_and_asks_nothing(m
     assert rig.asked == []
 
 
-def test_a_failsafe_of_the_autopilot_silences_and_stays_silent_while_it_intends_offboard() -> None:
+def test_a_failsafe_of_the_autopilot_silences_and_the_daemon_stays_silent_when_offboard_comes_back() -> None:
     rig = tracking().status(IN_OFFBOARD, mode=FlightMode.RETURN, system_status=SystemStatus.CRITICAL)
-    assert rig.tick() is State.FAULT
+    assert rig.tick(500) is State.FAULT
     assert rig.supervision.left == "autopilot_failsafe"
+    assert rig.asked == []
     rig.status(IN_OFFBOARD)
     rig.tick(500)
     assert rig.supervision.state is State.FAULT
     assert rig.drive is Drive.SILENT
-    assert rig.asked == []
 
 
 def test_a_failsafe_that_shows_only_in_the_intended_mode_is_one() -> None:
