@@ -43,6 +43,7 @@ def pipeline_parameters(config: Config, fence: Geofence, hover_thrust: float | N
             attitude_disagreement_rad=radians(config.safety.attitude_disagreement_deg),
             tilt_rad=radians(config.safety.tilt_max_deg),
             speed_m_s=config.safety.speed_max_m_s,
+            deviation_m=config.guidance.deviation_max_m,
             battery_fraction=config.safety.battery_min_pct / 100.0,
             fence=fence,
             fence_beyond=FlightMode(config.safety.fence.beyond),

@@ -202,6 +202,7 @@ def _supervise(
         truth_returned=estimate.reset is not None and estimate.reset.truth_returned,
         goal_active=inputs.window is not None and inputs.window.goal_id is not None,
         latched=inputs.latched,
+        deviation_ned_m=_deviation_ned_m(state.flown, estimate.newest),
     )
     return safety.step(
         state.supervision,
@@ -211,6 +212,13 @@ def _supervise(
         bounds=_bounds(inputs.parameters, estimate.shift),
         timing=inputs.parameters.timing,
     )
+
+
+def _deviation_ned_m(flown: Reference | None, newest: EstimatedState | None) -> Vec3:
+    """From the reference of the last tick to the vehicle; none while nothing is flown."""
+    if flown is None or newest is None:
+        return ZERO3
+    return frames.subtract(newest.position_ned_m, flown.position_ned_m)
 
 
 def _bounds(parameters: Parameters, shift: FrameShift) -> Bounds:

@@ -5,15 +5,18 @@ from math import inf
 
 from daemon.frames import norm, tilt_of
 from daemon.messages import (
+    ZERO3,
     AutopilotStatus,
     EstimatedState,
     FlightMode,
     LandedState,
     SystemStatus,
+    Vec3,
 )
 from daemon.safety.geofence import Geofence, excess_m
 from daemon.values import value
 
+SINKING_M_S = 0.2  # PX4's velocity is off by this much at rest
 LANDING_MODES = frozenset({FlightMode.LAND, FlightMode.RETURN, FlightMode.PRECISION_LAND})
 # UNKNOWN is one of them: an autopilot newer than our table may have a pilot's mode that it lacks.
 PILOT_MODES = frozenset(
@@ -40,6 +43,7 @@ class Bounds:
     ``fence_beyond`` is asked for when the vehicle, handed over at the hard fence, drifts on to twice its margin.
     ``innovation``: what the estimate's samples may differ from their prediction, 1 is twenty times a calm flight's.
     ``tilt_rad`` and ``speed_m_s`` are the vehicle's, not the command's. ``battery_fraction`` 0 switches that one off.
+    ``deviation_m`` is between the vehicle and its reference, ``sink_m`` how far it sinks below that.
     """
 
     coast_s: float = 0.2
@@ -53,6 +57,10 @@ class Bounds:
     tilt_for_s: float = 0.3
     speed_m_s: float = 20.0
     speed_for_s: float = 0.5
+    deviation_m: float = 4.0
+    deviation_for_s: float = 3.0
+    sink_m: float = 1.0
+    sink_for_s: float = 0.5
     battery_fraction: float = 0.0
     battery_for_s: float = 5.0
     hysteresis: float = 0.8
@@ -62,7 +70,10 @@ class Bounds:
 
 @value(eq=True)
 class Facts:
-    """One tick's facts: the newest accepted state, its age, what the estimator thinks of it, and the rest by name."""
+    """One tick's facts: the newest accepted state, its age, what the estimator thinks of it, and the rest by name.
+
+    ``deviation_ned_m`` is from the reference that was flown last to the vehicle.
+    """
 
     status: AutopilotStatus
     state: EstimatedState | None = None
@@ -74,6 +85,7 @@ class Facts:
     truth_returned: bool = False
     goal_active: bool = False
     latched: bool = False
+    deviation_ned_m: Vec3 = ZERO3
 
 
 @value(eq=True)
@@ -101,6 +113,7 @@ class Conditions:
     attitude_disagrees: bool = False
     tilt_excess: bool = False
     speed_excess: bool = False
+    left_behind: bool = False
     fence_crossed: bool = False
     fence_breached: bool = False
     fence_drifts: bool = False
@@ -149,6 +162,8 @@ class Memory:
     disagreement: Lasting = _NEVER
     tilt: Lasting = _NEVER
     speed: Lasting = _NEVER
+    deviation: Lasting = _NEVER
+    sinking: Lasting = _NEVER
     battery: Lasting = _NEVER
 
 
@@ -197,6 +212,7 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds, **other
         attitude_disagrees=memory.disagreement.active,
         tilt_excess=memory.tilt.active,
         speed_excess=memory.speed.active,
+        left_behind=memory.deviation.active or memory.sinking.active,
         fence_crossed=outside_m > 0.0,
         fence_breached=outside_m > bounds.fence.hard_margin_m,
         fence_drifts=outside_m > 2.0 * bounds.fence.hard_margin_m,
@@ -213,6 +229,8 @@ def _remember(memory: Memory, facts: Facts, now_s: float, bounds: Bounds) -> Mem
     shortage = bounds.battery_fraction - battery if battery is not None and bounds.battery_fraction > 0.0 else 0.0
     tilt_rad = 0.0 if state is None else tilt_of(state.attitude_wb)
     speed_m_s = 0.0 if state is None else norm(state.velocity_ned_m_s)
+    sinks = state is not None and state.velocity_ned_m_s[2] > SINKING_M_S
+    below_m = facts.deviation_ned_m[2] if sinks else 0.0
     keep = bounds.hysteresis
     after = Memory(
         facts.status.boot_count,
@@ -228,6 +246,8 @@ def _remember(memory: Memory, facts: Facts, now_s: float, bounds: Bounds) -> Mem
         ),
         lasting(memory.tilt, tilt_rad, bounds.tilt_rad, bounds.tilt_for_s, now_s, keep),
         lasting(memory.speed, speed_m_s, bounds.speed_m_s, bounds.speed_for_s, now_s, keep),
+        lasting(memory.deviation, norm(facts.deviation_ned_m), bounds.deviation_m, bounds.deviation_for_s, now_s, keep),
+        lasting(memory.sinking, below_m, bounds.sink_m, bounds.sink_for_s, now_s, keep),
         lasting(memory.battery, shortage, 0.0, bounds.battery_for_s, now_s, keep),
     )
     return memory if after == memory else after

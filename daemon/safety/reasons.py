@@ -25,6 +25,7 @@ REASONS = {
     "tilt_excess": "the vehicle tilted too far",
     "speed_excess": "the vehicle became too fast",
     "geofence": "the vehicle left the hard fence",
+    "not_followed": "the vehicle did not keep to its place or path: the wind or its load asks for more than its limits",
     "landed": "the vehicle is on the ground",
     "battery_low": "the battery is low",
     "goal": "a goal is being flown",

@@ -7,7 +7,9 @@ import pytest
 from support.flight import CALLER, Flight, fly
 
 from daemon.goals import methods
-from daemon.sim.faults import SteadyWind
+from daemon.messages import FlightMode, Vec3
+from daemon.safety.supervisor import State
+from daemon.sim.faults import Payload, SteadyWind
 
 HEAD_WIND_M_S = 6.0  # beside a drag of 1 1/s more than the tilt allows for on the way north
 
@@ -79,15 +81,54 @@ def test_a_goal_whose_reference_goes_on_without_the_vehicle_ends_and_the_vehicle
     fly(scenario)
 
 
-def test_a_hold_that_the_wind_pushes_the_vehicle_from_stays_where_it_is():
+def test_a_hold_that_a_gust_pushes_the_vehicle_from_stays_where_it_is():
     async def scenario(flight: Flight) -> None:
         await flight.airborne()
         held = flight.position
         flight.px4.inject(SteadyWind(north_m_s=-9.0))
-        await asyncio.sleep(8.0)
-        assert dist(flight.position, held) > 4.0
+        await flight.until(lambda: dist(flight.position, held) > 4.5)
         flight.px4.inject(SteadyWind(north_m_s=0.0))
         await asyncio.sleep(15.0)
+        assert flight.state is State.HOLDING
         assert dist(flight.position, held) < 0.5
+
+    fly(scenario)
+
+
+async def _given_to_hold(flight: Flight) -> Vec3:
+    """Waits for the hand-over; where it was."""
+    await flight.until(lambda: flight.state is State.READY)
+    assert flight.records[-1].supervision.left == "not_followed"
+    assert flight.px4.mode is FlightMode.HOLD
+    return flight.position
+
+
+@pytest.mark.parametrize("canceled", [False, True])
+def test_a_vehicle_that_the_wind_carries_off_is_given_to_the_autopilots_hold(canceled: bool):
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne()
+        if canceled:
+            await flight.goto(60.0, 0.0, -5.0)
+            await asyncio.sleep(3.0)
+            await flight.service.goal_cancel(methods.GoalCancel(), CALLER)
+        held = flight.position
+        flight.px4.inject(SteadyWind(north_m_s=9.0))
+        assert dist(await _given_to_hold(flight), held) < 20.0
+
+    fly(scenario)
+
+
+@pytest.mark.parametrize("with_goal", [False, True])
+def test_a_vehicle_that_sinks_under_its_load_is_given_to_hold_before_it_is_on_the_ground(with_goal: bool):
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne()
+        goal = await flight.submit(trajectory={"kind": "hold", "duration_s": 60.0}) if with_goal else None
+        await asyncio.sleep(2.0)
+        flight.px4.inject(Payload(mass_kg=1.0))
+        assert -(await _given_to_hold(flight))[2] > 2.0
+        await asyncio.sleep(10.0)
+        assert -flight.position[2] > 1.5  # what the law may not use of the thrust, the autopilot may
+        if goal is not None:
+            assert (await flight.result(goal)).reason == "not_followed"
 
     fly(scenario)

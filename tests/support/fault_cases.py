@@ -23,6 +23,7 @@ from daemon.sim.faults import (
     PilotTakesOver,
     Reboot,
     SpoiltTelemetry,
+    SteadyWind,
     StoppedTelemetry,
     WindGust,
 )
@@ -194,6 +195,13 @@ def _vehicle() -> list[Case]:
         Case(name="20 % less thrust of one rotor", faults=(MotorEfficiency(rotor=0, efficiency=0.8),)),
         Case(name="20 % less thrust", faults=tuple(MotorEfficiency(rotor=i, efficiency=0.8) for i in range(4))),
         Case(name="30 % more mass", faults=(Payload(mass_kg=0.3),)),
+        Case(name="100 % more mass", faults=(Payload(mass_kg=1.0),), **_handed_over("not_followed", 3.0)),
+        Case(
+            name="wind of 9 m/s from behind that stays",
+            faults=(SteadyWind(north_m_s=9.0),),
+            watch_s=18.0,
+            **_handed_over("not_followed", 16.0),
+        ),
     ]
 
 

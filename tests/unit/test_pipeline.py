@@ -148,6 +148,26 @@ def test_the_fence_is_where_its_anchor_was_plus_the_resets_since() -> None:
         assert record.conditions.fence_breached is not inside
 
 
+def test_a_vehicle_that_its_reference_leaves_behind_is_handed_over() -> None:
+    flow = Flow().flying()
+    _, record = flow.tick()
+    assert record.reference is not None
+    flow.window = window_of(record.reference, (5.0, 0.0, 0.0), 300)
+    begin = flow.n
+    while record.supervision.state is not State.RELEASING:
+        _, record = flow.tick()
+    assert record.supervision.left == "not_followed"
+    assert (flow.n - begin) * DT_S == pytest.approx(4.0 / 5.0 + 3.0, abs=0.1)
+
+
+def test_a_reset_leaves_no_vehicle_behind() -> None:
+    flow = Flow().flying()
+    for _ in range(400):
+        _, record = flow.tick(odometry(flow.n + 1, (18.0, 0.0, -5.0), reset_counter=13))
+    assert record.estimate.shift.count == 1
+    assert record.supervision.state is State.HOLDING
+
+
 def test_levelling_ends_with_the_horizon_of_the_prediction_in_zero_rates() -> None:
     flow = Flow().flying()
     tilted = {"attitude_wb": (0.9950041652780258, 0.09983341664682815, 0.0, 0.0)}  # 0.2 rad to the right

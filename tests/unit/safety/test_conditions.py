@@ -34,6 +34,15 @@ def charged(fraction: float | None) -> Facts:
     return replace(CALM, status=replace(IN_HOLD, battery_fraction=fraction))
 
 
+def off(deviation_m: float) -> Facts:
+    return replace(CALM, deviation_ned_m=(0.6 * deviation_m, -0.8 * deviation_m, 0.0))
+
+
+def sinking(below_m: float) -> Facts:
+    state = replace(REST, velocity_ned_m_s=(0.0, 0.0, 0.3))
+    return replace(CALM, state=state, deviation_ned_m=(0.0, 0.0, below_m))
+
+
 # What is measured, what it makes true, the bound and the time it has to last: as the configuration and its guide say.
 EXCESSES = {
     "variance": (lambda v: replace(CALM, position_variance_m2=v), "estimate_poor", 0.3, 0.0),
@@ -41,6 +50,8 @@ EXCESSES = {
     "disagreement": (lambda v: replace(CALM, disagreement_rad=v), "attitude_disagrees", 0.26, 2.0),
     "tilt": (tilted, "tilt_excess", 1.3, 0.3),
     "speed": (moving, "speed_excess", 20.0, 0.5),
+    "deviation": (off, "left_behind", 4.0, 3.0),
+    "sinking": (sinking, "left_behind", 1.0, 0.5),
 }
 
 
@@ -94,6 +105,12 @@ def test_the_bound_itself_is_no_excess() -> None:
     assert lasting(Lasting(), 2.1, 2.0, 0.0, 5.0, 0.8) == Lasting(5.0, True)
     assert lasting(Lasting(4.0), 2.1, 2.0, 1.0, 5.0, 0.8) == Lasting(4.0, True)
     assert lasting(Lasting(4.5), 2.1, 2.0, 1.0, 5.0, 0.8) == Lasting(4.5, False)
+
+
+def test_a_vehicle_below_its_reference_that_does_not_sink_has_time_to_climb() -> None:
+    resting = replace(sinking(2.0), state=replace(REST, velocity_ned_m_s=(0.0, 0.0, 0.19)))
+    assert not Ticks().run(resting, 2.9).left_behind
+    assert not Ticks().run(sinking(-2.0), 2.9).left_behind, "above it"
 
 
 def test_without_a_state_neither_tilt_nor_speed_nor_fence_is_exceeded() -> None:
@@ -239,6 +256,7 @@ def test_the_bounds_and_times_are_those_of_the_default_configuration() -> None:
     assert bounds.position_variance_m2 == written["estimator"]["position_variance_max_m2"]
     assert bounds.attitude_disagreement_rad == pytest.approx(radians(safety["attitude_disagreement_deg"]), rel=0.01)
     assert bounds.tilt_rad == pytest.approx(radians(safety["tilt_max_deg"]), rel=0.01)
+    assert bounds.deviation_m == written["guidance"]["deviation_max_m"]
     assert (bounds.speed_m_s, bounds.battery_fraction) == (safety["speed_max_m_s"], safety["battery_min_pct"])
     assert bounds.fence.hard_margin_m == safety["fence"]["hard_margin_m"]
     assert timing.level_after_s == safety["dead_man_level_s"]

@@ -102,6 +102,7 @@ def test_engaging_ends_in_flight_or_where_it_came_from() -> None:
         ("tilt_excess", "tilt_excess"),
         ("speed_excess", "speed_excess"),
         ("fence_breached", "geofence"),
+        ("left_behind", "not_followed"),
         ("landed", "landed"),
         ("battery_low", "battery_low"),
     ],
