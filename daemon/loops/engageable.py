@@ -28,6 +28,10 @@ def hindrances(
             (record.conditions.estimate_poor, "the position estimate is too uncertain"),
             (record.conditions.estimate_worsens, "the position estimate is becoming uncertain"),
             (record.conditions.attitude_disagrees, "the autopilot's attitude and its accelerometer disagree"),
+            (record.conditions.tilt_excess, "the vehicle is tilted too far"),
+            (record.conditions.speed_excess, "the vehicle is too fast"),
+            (record.conditions.fence_breached, "the vehicle is beyond the hard fence: it has to be flown back first"),
+            (record.conditions.battery_low, "the battery is below safety.battery_min_pct"),
         )
         if fails
     ]

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from math import inf
 
-from daemon.frames import norm, tilt_of
+from daemon.frames import add, norm, tilt_of
 from daemon.messages import (
     ZERO3,
     AutopilotStatus,
@@ -40,7 +40,7 @@ class Bounds:
     A condition comes after its ``*_for_s`` without a break and goes below ``hysteresis`` times the bound.
 
     ``coast_s``: the law flies on prediction up to this age of the state; beyond ``lost_s`` the vehicle is released.
-    ``fence_beyond`` is asked for when the vehicle, handed over at the hard fence, drifts on to twice its margin.
+    ``fence_beyond`` is asked for when the vehicle, handed over at the hard fence, drifts on by another margin.
     ``innovation``: what the estimate's samples may differ from their prediction, 1 is twenty times a calm flight's.
     ``tilt_rad`` and ``speed_m_s`` are the vehicle's, not the command's. ``battery_fraction`` 0 switches that one off.
     ``deviation_m`` is between the vehicle and its reference, ``sink_m`` how far it sinks below that.
@@ -63,6 +63,8 @@ class Bounds:
     sink_for_s: float = 0.5
     battery_fraction: float = 0.0
     battery_for_s: float = 5.0
+    drift_m_s: float = 0.5
+    drift_for_s: float = 2.0
     hysteresis: float = 0.8
     fence: Geofence = field(default_factory=Geofence)
     fence_beyond: FlightMode = FlightMode.HOLD
@@ -153,10 +155,20 @@ def lasting(memory: Lasting, value: float, bound: float, for_s: float, now_s: fl
 
 
 @value(eq=True)
+class Breach:
+    """How far outside the vehicle was when it was first seen beyond the hard fence, as long as the fence stays."""
+
+    outside_m: float
+    anchor_ned_m: Vec3
+
+
+@value(eq=True)
 class Memory:
-    """Hysteresis of all bounds, and the autopilot's boot count at the last tick."""
+    """Hysteresis of all bounds, the breach that lasts, and the autopilot's boot count at the last tick."""
 
     boot_count: int | None = None
+    breach: Breach | None = None
+    drift: Lasting = _NEVER
     variance: Lasting = _NEVER
     innovation: Lasting = _NEVER
     disagreement: Lasting = _NEVER
@@ -174,13 +186,13 @@ def in_flight(status: AutopilotStatus) -> bool:
 
 def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds, **others: bool) -> tuple[Memory, Conditions]:
     """The conditions of this tick; ``others`` are those about requests, by name."""
-    memory = _remember(memory, facts, now_s, bounds)
+    outside_m = -inf if facts.state is None else excess_m(bounds.fence, facts.state.position_ned_m)
+    memory = _remember(memory, facts, outside_m, now_s, bounds)
     status = facts.status
     mode = status.mode
     critical = status.system_status >= SystemStatus.CRITICAL
     differs = FlightMode.UNKNOWN is not status.intended_mode is not mode is not FlightMode.UNKNOWN
     hold = mode is FlightMode.HOLD
-    outside_m = -inf if facts.state is None else excess_m(bounds.fence, facts.state.position_ned_m)
     poor = memory.variance.active or memory.innovation.active
     usable = facts.state is not None and facts.age_s <= bounds.coast_s
     return memory, Conditions(
@@ -203,7 +215,11 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds, **other
         and usable
         and not poor
         and not facts.variance_grows
-        and not memory.disagreement.active,
+        and not memory.disagreement.active
+        and not memory.tilt.active
+        and not memory.speed.active
+        and not memory.battery.active
+        and memory.breach is None,
         state_usable=usable,
         estimate_lost=facts.age_s > bounds.lost_s,
         estimate_poor=poor,
@@ -214,8 +230,8 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds, **other
         speed_excess=memory.speed.active,
         left_behind=memory.deviation.active or memory.sinking.active,
         fence_crossed=outside_m > 0.0,
-        fence_breached=outside_m > bounds.fence.hard_margin_m,
-        fence_drifts=outside_m > 2.0 * bounds.fence.hard_margin_m,
+        fence_breached=memory.breach is not None,
+        fence_drifts=memory.drift.active,
         battery_low=memory.battery.active,
         goal_active=facts.goal_active,
         latched=facts.latched,
@@ -223,8 +239,10 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds, **other
     )
 
 
-def _remember(memory: Memory, facts: Facts, now_s: float, bounds: Bounds) -> Memory:
+def _remember(memory: Memory, facts: Facts, outside_m: float, now_s: float, bounds: Bounds) -> Memory:
     state = facts.state
+    breach = _breach(memory.breach, bounds.fence, outside_m)
+    drift_m_s = 0.0 if state is None or breach is None else _drift_m_s(bounds.fence, breach, state, outside_m)
     battery = facts.status.battery_fraction
     shortage = bounds.battery_fraction - battery if battery is not None and bounds.battery_fraction > 0.0 else 0.0
     tilt_rad = 0.0 if state is None else tilt_of(state.attitude_wb)
@@ -234,6 +252,8 @@ def _remember(memory: Memory, facts: Facts, now_s: float, bounds: Bounds) -> Mem
     keep = bounds.hysteresis
     after = Memory(
         facts.status.boot_count,
+        breach,
+        lasting(memory.drift, drift_m_s, bounds.drift_m_s, bounds.drift_for_s, now_s, keep),
         lasting(memory.variance, facts.position_variance_m2, bounds.position_variance_m2, 0.0, now_s, keep),
         lasting(memory.innovation, facts.innovation, bounds.innovation, bounds.innovation_for_s, now_s, keep),
         lasting(
@@ -251,3 +271,20 @@ def _remember(memory: Memory, facts: Facts, now_s: float, bounds: Bounds) -> Mem
         lasting(memory.battery, shortage, 0.0, bounds.battery_for_s, now_s, keep),
     )
     return memory if after == memory else after
+
+
+def _breach(before: Breach | None, fence: Geofence, outside_m: float) -> Breach | None:
+    """A fence that moves about a vehicle that is outside of it begins a new breach: it is not the vehicle's drift."""
+    if outside_m <= fence.hard_margin_m:
+        return None
+    if before is not None and before.anchor_ned_m == fence.anchor_ned_m:
+        return before
+    return Breach(outside_m, fence.anchor_ned_m)
+
+
+def _drift_m_s(fence: Geofence, breach: Breach, state: EstimatedState, outside_m: float) -> float:
+    """How fast the vehicle moves outwards; 0 until it is a margin farther than at the breach."""
+    if not outside_m > breach.outside_m + fence.hard_margin_m:
+        return 0.0
+    soon_ned_m = add(state.position_ned_m, state.velocity_ned_m_s)
+    return excess_m(fence, soon_ned_m) - outside_m

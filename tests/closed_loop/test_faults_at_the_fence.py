@@ -6,9 +6,10 @@ import pytest
 from support.flight import Flight, fly
 
 from daemon.goals.errors import ProtocolError
+from daemon.loops.commander import NotPossibleError
 from daemon.messages import FlightMode
 from daemon.safety.supervisor import State
-from daemon.sim.faults import SteadyWind, WindGust
+from daemon.sim.faults import PilotTakesOver, SteadyWind, WindGust
 
 
 def fenced(**fence: Any) -> dict[str, Any]:
@@ -63,6 +64,56 @@ def test_wind_across_the_hard_fence_hands_the_vehicle_over() -> None:
         assert flight.sent[-1][0] < flight.now_s
 
     fly(scenario, config=fenced(hard_margin_m=1.0))
+
+
+async def _outside(flight: Flight) -> None:
+    """A pilot flies beyond the hard fence and leaves the vehicle in Hold there."""
+    await flight.airborne(engage=False)
+    flight.px4.inject(PilotTakesOver(mode="position", forward=1.0))
+    await flight.until(lambda: flight.position[0] > 30.0)
+    flight.px4.faults.clear()
+    flight.px4.pilot_switches_to(FlightMode.HOLD)
+    await flight.until(lambda: flight.px4.truth.velocity_ned_m_s[0] < 0.1)
+    await flight.vehicle.commander.hold()
+
+
+def test_a_vehicle_beyond_the_hard_fence_is_not_engaged_only_to_be_given_back() -> None:
+    async def scenario(flight: Flight) -> None:
+        await _outside(flight)
+        with pytest.raises(NotPossibleError, match="beyond the hard fence"):
+            await flight.vehicle.commander.engage()
+        with pytest.raises(ProtocolError, match="beyond the hard fence"):
+            await flight.goto(10.0, 0.0, -5.0)
+        await flight.until(lambda: flight.now_s > 60.0)
+        assert flight.px4.mode is FlightMode.HOLD
+        assert flight.sent == []
+
+    fly(scenario, config=fenced())
+
+
+@pytest.mark.parametrize("moved_m", [30.0, 600.0])
+def test_a_home_that_somebody_moves_away_hands_over_to_hold_and_no_further(moved_m: float) -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne()
+        await flight.goto(15.0, 0.0, -5.0)
+        await flight.until(lambda: flight.position[0] > 8.0)
+        take, degrees_e7 = flight.px4.take_outgoing, round(moved_m / 111_195.0 * 1e7)
+
+        def taken() -> list[tuple[str, dict[str, Any]]]:
+            return [
+                (name, {**fields, "latitude": fields["latitude"] - degrees_e7} if name == "HOME_POSITION" else fields)
+                for name, fields in take()
+            ]
+
+        flight.px4.take_outgoing = taken  # type: ignore[method-assign]
+        await flight.until(lambda: flight.state is State.READY)
+        assert flight.records[-1].supervision.left == "geofence"
+        since_s = flight.now_s
+        await flight.until(lambda: flight.now_s - since_s > 10.0)
+        assert flight.px4.mode is FlightMode.HOLD
+        assert {mode for _, mode in flight.asked} == {FlightMode.OFFBOARD, FlightMode.HOLD}
+
+    fly(scenario, config=fenced())
 
 
 # Two arms of 25 m to the north, and between them a gap of 30 m (5 to 35 m east) that is outside.

@@ -7,7 +7,7 @@ from support.statuses import IN_HOLD
 from support.trajectory_rig import NOTHING
 
 from daemon.loops.engageable import hindrances
-from daemon.messages import FlightMode, ModeRefusal, RequestKind, VehicleRequest
+from daemon.messages import FlightMode, LandedState, ModeRefusal, RequestKind, SystemStatus, VehicleRequest
 
 PATIENCE_S = 2.5
 NOW_S = 100.0
@@ -25,6 +25,48 @@ def coming(
     record = replace(NOTHING, now_s=NOW_S, supervision=supervision, conditions=conditions)
     request = VehicleRequest(6, RequestKind.TAKEOFF) if unread is None else VehicleRequest(7, unread)
     return hindrances(replace(IN_HOLD, mode_refusal=refusal), record, request, patience_s=PATIENCE_S)
+
+
+@pytest.mark.parametrize(
+    ("condition", "words"),
+    [
+        ("tilt_excess", "tilted too far"),
+        ("speed_excess", "too fast"),
+        ("fence_breached", "beyond the hard fence"),
+        ("battery_low", "battery is below"),
+        ("estimate_poor", "too uncertain"),
+        ("estimate_worsens", "becoming uncertain"),
+        ("attitude_disagrees", "accelerometer disagree"),
+    ],
+)
+def test_what_would_hand_the_vehicle_over_at_once_hinders(condition: str, words: str) -> None:
+    conditions = replace(NOTHING.conditions, state_usable=True, estimate_poor=False)
+    conditions = replace(conditions, **{condition: True})
+    (said,) = hindrances(IN_HOLD, replace(NOTHING, conditions=conditions), None, patience_s=PATIENCE_S)
+    assert words in said
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"armed": False}, "not armed"),
+        ({"landed": LandedState.LANDING}, "landed state is landing"),
+        ({"mode": FlightMode.MISSION, "intended_mode": FlightMode.MISSION}, "the mode is mission, not hold"),
+        ({"intended_mode": FlightMode.MISSION}, "intends mission: a failsafe acts"),
+        ({"system_status": SystemStatus.CRITICAL}, "system status is critical"),
+    ],
+)
+def test_an_autopilot_that_is_not_quietly_in_hold_hinders(changes: dict[str, object], words: str) -> None:
+    conditions = replace(NOTHING.conditions, state_usable=True, estimate_poor=False)
+    status = replace(IN_HOLD, **changes)  # type: ignore[arg-type]
+    (said,) = hindrances(status, replace(NOTHING, conditions=conditions), None, patience_s=PATIENCE_S)
+    assert words in said
+
+
+def test_without_a_fresh_estimate_nothing_is_engaged() -> None:
+    conditions = replace(NOTHING.conditions, state_usable=False, estimate_poor=False)
+    said = hindrances(IN_HOLD, replace(NOTHING, conditions=conditions), None, patience_s=PATIENCE_S)
+    assert said == ["there is no fresh estimate"]
 
 
 def test_nothing_that_was_asked_for_hinders_nothing() -> None:

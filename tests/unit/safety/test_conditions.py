@@ -137,21 +137,42 @@ def test_an_empty_battery_is_left_to_the_autopilot_unless_a_bound_is_set() -> No
 
 
 @pytest.mark.parametrize(
-    ("height_m", "crossed", "breached", "drifts"),
-    [
-        (30.0, False, False, False),
-        (30.1, True, False, False),
-        (36.0, True, False, False),
-        (36.1, True, True, False),
-        (42.0, True, True, False),
-        (42.1, True, True, True),
-    ],
+    ("height_m", "crossed", "breached"),
+    [(30.0, False, False), (30.1, True, False), (36.0, True, False), (36.1, True, True)],
 )
-def test_the_hard_fence_lies_a_margin_outside_and_the_drift_two(
-    height_m: float, crossed: bool, breached: bool, drifts: bool
-) -> None:
+def test_the_hard_fence_lies_a_margin_outside(height_m: float, crossed: bool, breached: bool) -> None:
     conditions = Ticks(Bounds(fence=Geofence(ceiling_m=30.0, hard_margin_m=6.0))).run(at_height(height_m))
-    assert (conditions.fence_crossed, conditions.fence_breached, conditions.fence_drifts) == (crossed, breached, drifts)
+    assert (conditions.fence_crossed, conditions.fence_breached) == (crossed, breached)
+
+
+def outwards(distance_m: float, speed_m_s: float) -> Facts:
+    """North of the anchor at (50, 0), to the north."""
+    state = replace(REST, position_ned_m=(50.0 + distance_m, 0.0, -5.0), velocity_ned_m_s=(speed_m_s, 0.0, 0.0))
+    return replace(CALM, state=state)
+
+
+FENCED = Bounds(fence=Geofence(anchor_ned_m=(50.0, 0.0, 0.0), radius_m=30.0, hard_margin_m=6.0))
+
+
+def test_a_vehicle_drifts_when_it_goes_on_outwards_a_margin_beyond_where_it_was_handed_over() -> None:
+    for first_m in (36.1, 80.0):
+        ticks = Ticks(FENCED)
+        assert not ticks.run(outwards(first_m, 5.0), 3.0).fence_drifts, "near to where it was handed over"
+        assert not ticks.run(outwards(first_m + 5.9, 5.0), 3.0).fence_drifts
+        beyond = outwards(first_m + 6.1, 0.6)
+        assert ticks.lasts_s(beyond, "fence_drifts") == pytest.approx(2.0, abs=1.5 * TICK_S)
+        assert not ticks.run(outwards(first_m + 6.1, 0.3), 3.0).fence_drifts, "it has come to rest there"
+        assert not ticks.run(outwards(first_m + 6.1, -5.0), 3.0).fence_drifts, "it comes back"
+        ticks.run(outwards(35.0, 5.0))
+        assert not ticks.run(outwards(first_m + 6.1, 5.0), 3.0).fence_drifts, "another breach"
+
+
+def test_a_fence_that_moves_away_from_a_vehicle_makes_it_no_drifter() -> None:
+    ticks = Ticks(FENCED)
+    assert ticks.run(outwards(36.1, 5.0), 0.5).fence_breached
+    ticks.bounds = replace(FENCED, fence=replace(FENCED.fence, anchor_ned_m=(-550.0, 0.0, 0.0)))
+    conditions = ticks.run(outwards(37.0, 5.0), 3.0)
+    assert conditions.fence_breached and not conditions.fence_drifts
 
 
 def test_the_margin_of_the_fence_is_five_metres_unless_told() -> None:
@@ -214,7 +235,8 @@ def test_each_mode_is_called_by_its_name(mode: FlightMode) -> None:
 
 
 def test_what_makes_a_vehicle_engageable_is_needed_all_together() -> None:
-    assert Ticks().run(CALM).engageable
+    bounds = Bounds(battery_fraction=0.3, fence=Geofence(ceiling_m=120.0, hard_margin_m=5.0))
+    assert Ticks(bounds).run(CALM).engageable
     for spoiled in (
         replace(CALM, status=replace(IN_HOLD, armed=False)),
         replace(CALM, status=replace(IN_HOLD, landed=LandedState.LANDING)),
@@ -225,8 +247,13 @@ def test_what_makes_a_vehicle_engageable_is_needed_all_together() -> None:
         replace(CALM, position_variance_m2=0.31),
         replace(CALM, innovation=1.1),
         replace(CALM, disagreement_rad=0.3),
+        tilted(1.4),
+        moving(21.0),
+        charged(0.2),
+        at_height(126.0),
     ):
-        assert not Ticks().run(spoiled, 2.5).engageable, spoiled
+        assert not Ticks(bounds).run(spoiled, 5.5).engageable, spoiled
+    assert Ticks(bounds).run(at_height(124.0), 5.5).engageable, "it may be flown back from the margin"
 
 
 def test_facts_that_are_conditions_are_passed_on() -> None:

@@ -66,7 +66,12 @@ def test_a_vehicle_that_drifts_on_beyond_the_hard_fence_is_brought_down_or_back_
     rig.status(IN_HOLD)
     assert rig.tick(100) is State.READY
     rig.asked.clear()
-    rig.set(state=vehicle_at((0.0, 0.0, -131.0)))
+    rig.set(state=vehicle_at((0.0, 0.0, -132.0)))
+    rig.tick(400)
+    assert rig.asked == [], "it rests where Hold has stopped it"
+    rig.set(state=replace(vehicle_at((0.0, 0.0, -132.0)), velocity_ned_m_s=(0.0, 0.0, -1.0)))
+    rig.tick(150)
+    assert rig.asked == [], "it may be braking still"
     rig.tick(100)
     assert [mode for _, mode in rig.asked] == ([] if beyond is FlightMode.HOLD else [beyond])
     rig.tick(5000)
@@ -86,8 +91,9 @@ def test_a_hold_that_a_person_asked_for_beyond_the_fence_is_left_alone() -> None
     rig.status(IN_HOLD)
     assert rig.tick() is State.READY
     rig.asked.clear()
-    rig.set(state=vehicle_at((0.0, 0.0, -140.0)))
-    rig.tick(200)
+    rig.set(state=vehicle_at((0.0, 0.0, -126.0))).tick()
+    rig.set(state=replace(vehicle_at((0.0, 0.0, -140.0)), velocity_ned_m_s=(0.0, 0.0, -1.0)))
+    rig.tick(400)
     assert rig.asked == []
 
 
