@@ -16,6 +16,7 @@ from daemon.parameters import pipeline_parameters
 
 if TYPE_CHECKING:
     from daemon.loops.vehicle import Vehicle
+    from daemon.settings import Config
 
 READ_TIMEOUT_S = 2.0
 AGAIN_S = 10.0
@@ -27,11 +28,15 @@ log = logs.get("health")
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """A parameter of the autopilot that is dangerous when ``bad`` says so of its value, what to set, and why."""
+    """A parameter of the autopilot that is dangerous when ``bad`` says so of its value, what to set, and why.
+
+    ``unless`` the configuration takes care of it.
+    """
 
     name: str
     bad: Callable[[float], bool]
     text: str
+    unless: Callable[[Config], bool] = lambda _: False
 
 
 ADVICE = (
@@ -50,6 +55,12 @@ ADVICE = (
         lambda value: int(value) in (1, 2, 6, 7),
         "set 5 (Hold) or 4 (Land), what the autopilot does when offboard is lost",
     ),
+    Advice(
+        "COM_LOW_BAT_ACT",
+        lambda value: int(value) == 0,
+        "set 3 (Return, then Land), or safety.battery_min_pct of flightd: nobody acts on an empty battery",
+        lambda config: config.safety.battery_min_pct > 0.0,
+    ),
 )
 
 
@@ -60,7 +71,7 @@ class ParameterWatch:
         self._vehicle = vehicle
         self._warnings = warnings
         self._judges: dict[str, Callable[[float], str | None]] = {HOVER_PARAMETER: self._take_hover}
-        self._judges.update((advice.name, _judge(advice)) for advice in ADVICE)
+        self._judges.update((advice.name, _judge(advice, vehicle)) for advice in ADVICE)
 
     async def run(self) -> None:
         """Ask for all, and every ``AGAIN_S`` for those that have not answered, until all have."""
@@ -119,6 +130,11 @@ class ParameterWatch:
         return None
 
 
-def _judge(advice: Advice) -> Callable[[float], str | None]:
+def _judge(advice: Advice, vehicle: Vehicle) -> Callable[[float], str | None]:
     """What to say of a value, or None."""
-    return lambda value: f"{advice.name} is {value:g}: {advice.text}" if advice.bad(value) else None
+
+    def judge(value: float) -> str | None:
+        dangerous = advice.bad(value) and not advice.unless(vehicle.config)
+        return f"{advice.name} is {value:g}: {advice.text}" if dangerous else None
+
+    return judge

@@ -12,7 +12,7 @@ from daemon.reports import Reports
 from daemon.safety.supervisor import State
 from daemon.sim.airframe_files import load as load_airframe
 
-NAMES = {"MPC_THR_HOVER", "COM_RC_OVERRIDE", "COM_OF_LOSS_T", "COM_OBL_RC_ACT"}
+NAMES = {"MPC_THR_HOVER", "COM_RC_OVERRIDE", "COM_OF_LOSS_T", "COM_OBL_RC_ACT", "COM_LOW_BAT_ACT"}
 SOUND = {"COM_RC_OVERRIDE": 3, "COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5}
 
 
@@ -53,6 +53,16 @@ def test_dangerous_parameters_are_told_with_what_to_set() -> None:
         assert "set bit 1 (value 3)" in warnings(flight)["COM_RC_OVERRIDE"]
 
     fly(scenario, parameters={"COM_RC_OVERRIDE": 1, "COM_OF_LOSS_T": 5.0, "COM_OBL_RC_ACT": 5})
+
+
+@pytest.mark.parametrize(("battery_min_pct", "told"), [(0.0, True), (20.0, False)])
+def test_an_empty_battery_that_nobody_acts_on_is_told(battery_min_pct: float, told: bool) -> None:
+    async def scenario(flight: Flight) -> None:
+        await standing_by(flight)
+        assert ("COM_LOW_BAT_ACT" in warnings(flight)) is told
+
+    config = {"safety": {"battery_min_pct": battery_min_pct}}
+    fly(scenario, parameters={**SOUND, "COM_LOW_BAT_ACT": 0}, config=config)
 
 
 def test_sound_parameters_are_not_told() -> None:
