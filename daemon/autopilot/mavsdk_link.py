@@ -266,7 +266,6 @@ class _Said:
     def __init__(self) -> None:
         self._connected = False
         self._boot_count = 0
-        self._slow: tuple[str, ...] = ()
         self._systems = 1
 
     def changes(self, session: Px4Session, status: AutopilotStatus, systems: int) -> None:
@@ -277,9 +276,6 @@ class _Said:
         if status.boot_count != self._boot_count:
             self._boot_count = status.boot_count
             _log.warning("autopilot rebooted", boot_count=status.boot_count)
-        if session.monitor.slow != self._slow:
-            self._slow = session.monitor.slow
-            _log.warning("streams slower than asked for", streams=self._slow)
         if systems > self._systems:
             self._systems = systems
             _log.warning("another system on this link is ignored", systems=systems)

@@ -46,13 +46,15 @@ class Autopilot(Protocol):
     ``send_setpoint`` and ``request_mode`` never block, never raise, and may be called from the dead-man's thread;
     they return False when nothing could be sent. The outcome of ``request_mode`` shows in ``status``:
     ``mode`` (and ``intended_mode``) when it took effect, ``mode_refusal`` when the autopilot said no.
-    ``clock`` is None while TIMESYNC says nothing of the autopilot's clock.
+    ``clock`` is None while TIMESYNC says nothing of the autopilot's clock. ``slow_streams``: names of the messages that
+    come more seldom than they must.
     """
 
     odometry: Latest[Odometry | None]
     imu: Latest[Imu | None]
     status: Latest[AutopilotStatus]
     clock: Latest[ClockSync | None]
+    slow_streams: Latest[tuple[str, ...]]
 
     async def run(self) -> None:
         """Connect, ask for the streams on every (re)connect, keep the cells fresh, until cancelled.

@@ -14,6 +14,7 @@ from daemon.autopilot.acks import CommandAcks, Done, ModeAcks
 from daemon.autopilot.ordering import Order, SampleOrder
 from daemon.autopilot.port import CommandTimeoutError, NotConnectedError
 from daemon.autopilot.px4 import (
+    CMD_SET_MESSAGE_INTERVAL,
     CMD_SET_MODE,
     Fields,
     Message,
@@ -62,6 +63,7 @@ class Px4Session:
         self.imu: Latest[Imu | None] = Latest(None)
         self.status = Latest(AutopilotStatus())
         self.clock: Latest[ClockSync | None] = Latest(None)
+        self.slow_streams: Latest[tuple[str, ...]] = Latest(())
         self.monitor = streams.StreamMonitor()
         self.malformed: dict[str, int] = {}
         self._events: deque[str] = deque(maxlen=_EVENTS_KEPT)
@@ -150,6 +152,7 @@ class Px4Session:
         self._publish_clock()
         self._outgoing += self._commands.poll(now_s, self._why_not_armed(now_s))
         self._outgoing += self.monitor.check(now_s)
+        self._publish_slow_streams()
         self._outgoing += self._param_reads.poll(now_s)
 
     # ---- out
@@ -241,6 +244,10 @@ class Px4Session:
         self._time_sync.restart()
         self._publish_clock()
 
+    def _publish_slow_streams(self) -> None:
+        if self.slow_streams.value != self.monitor.slow:
+            self.slow_streams.set(self.monitor.slow)
+
     def _publish_clock(self) -> None:
         if self.clock.value is not self._time_sync.sync:
             self.clock.set(self._time_sync.sync)
@@ -265,6 +272,9 @@ class Px4Session:
         if not self._is_ours(fields):
             return
         command, result = int(fields["command"]), int(fields["result"])
+        if command == CMD_SET_MESSAGE_INTERVAL:
+            self.monitor.acknowledged()
+            return
         if command != CMD_SET_MODE:
             self._commands.ack(command, result, now_s)
             return

@@ -22,6 +22,7 @@ class SessionLink:
         self.imu = session.imu
         self.status = session.status
         self.clock = session.clock
+        self.slow_streams = session.slow_streams
         self._flush = flush
 
     async def command(self, command: Command, timeout_s: float) -> None:

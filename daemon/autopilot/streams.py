@@ -7,8 +7,9 @@ from daemon.autopilot.px4 import Message, request_message, set_message_interval
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """A message that we ask for at ``rate_hz``; fewer than ``least_hz`` of them is a fault (0: not checked).
+    """A message that we ask for at ``rate_hz``; fewer than ``least_hz`` of them is a fault.
 
+    0: not checked, for PX4 does not send it at all before it has a position or a home, or sends it on change only.
     ``once``: ask for one at once as well, for it is sent rarely or on change only.
     """
 
@@ -23,8 +24,8 @@ STREAMS: tuple[Stream, ...] = (
     Stream("ODOMETRY", 331, 100.0, least_hz=60.0),
     # For the cross-check of the tilt alone, which at 100 Hz would see the same (largest difference 7.3 deg, 8.2 at 50).
     Stream("HIGHRES_IMU", 105, 50.0, least_hz=30.0),
-    # Sent within 60 ms of a change when asked for at 20 Hz, else at 2 Hz (measured).
-    Stream("CURRENT_MODE", 436, 20.0, once=True),
+    # Sent within 60 ms of a change when asked for at 20 Hz, else at 2 Hz (measured); at 0.5 Hz by PX4's default.
+    Stream("CURRENT_MODE", 436, 20.0, least_hz=1.0, once=True),
     Stream("EXTENDED_SYS_STATE", 245, 10.0, least_hz=3.0),
     Stream("SYS_STATUS", 1, 5.0, least_hz=1.5),
     Stream("GLOBAL_POSITION_INT", 33, 5.0),
@@ -40,7 +41,10 @@ def requests() -> list[Message]:
 
 
 class StreamMonitor:
-    """Counts arrivals and, once a period, names the streams that come too slowly."""
+    """Counts arrivals and, once a period, names the streams that come too slowly.
+
+    Acknowledgements do not say what they are for: when fewer come than were asked for, all streams are asked for again.
+    """
 
     PERIOD_S = 2.0
 
@@ -48,11 +52,13 @@ class StreamMonitor:
         self._counts: dict[str, int] = {}
         self._seen: set[str] = set()
         self._since_s: float | None = None
+        self._unanswered = 0
         self.slow: tuple[str, ...] = ()
 
     def restart(self, now_s: float) -> None:
         """Begin anew: the whole table has just been asked for."""
         self._seen.clear()
+        self._unanswered = len(STREAMS)
         self._begin(now_s)
 
     def _begin(self, now_s: float) -> None:
@@ -63,15 +69,21 @@ class StreamMonitor:
         """One message has arrived."""
         self._counts[name] = self._counts.get(name, 0) + 1
 
+    def acknowledged(self) -> None:
+        """The autopilot has answered to a SET_MESSAGE_INTERVAL."""
+        self._unanswered = max(0, self._unanswered - 1)
+
     def check(self, now_s: float) -> list[Message]:
-        """At the end of a period, set ``slow`` and ask again for what is in it; at other times nothing."""
+        """At the end of a period, set ``slow`` and ask again for what is missed; at other times nothing."""
         if self._since_s is None or now_s - self._since_s < self.PERIOD_S:
             return []
         elapsed_s = now_s - self._since_s
         self._seen.update(self._counts)
-        lagging = [s for s in STREAMS if self._counts.get(s.name, 0) < s.least_hz * elapsed_s]
+        lagging = tuple(s for s in STREAMS if self._counts.get(s.name, 0) < s.least_hz * elapsed_s)
+        again = STREAMS if self._unanswered else lagging
         missing = [s for s in STREAMS if s.once and s.name not in self._seen]
         self.slow = tuple(stream.name for stream in lagging)
+        self._unanswered = len(again)
         self._begin(now_s)
-        intervals = [set_message_interval(stream.message_id, stream.rate_hz) for stream in lagging]
+        intervals = [set_message_interval(stream.message_id, stream.rate_hz) for stream in again]
         return intervals + [request_message(stream.message_id) for stream in missing]

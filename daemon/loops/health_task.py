@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 SLIP_PERIOD_S = 5.0
 SLIP_SHARE = 0.02
+SLOW_STREAMS = "slow_streams"
 
 log = logs.get("health")
 
@@ -35,6 +36,7 @@ class HealthTask:
         self._grid = grid
         self._ticks = (-1, -1)
         self._parameters = ParameterWatch(vehicle, self.warnings)
+        self._slow_streams: tuple[str, ...] = ()
         self._connection: tuple[bool, int] = (False, -1)
         self._asking: asyncio.Task[None] | None = None
         self._missed: dict[str, int] = {}
@@ -65,6 +67,7 @@ class HealthTask:
             else:
                 self.warnings[name] = warning
         status = vehicle.autopilot.status.value
+        self._judge_streams(self._vehicle.autopilot.slow_streams.value if status.connected else ())
         self._follow_fence(status)
         self._follow_connection((status.connected, status.boot_count))
 
@@ -94,6 +97,20 @@ class HealthTask:
                 log.warning("grid_slips", task=name, missed=lately, within_s=SLIP_PERIOD_S)
             else:
                 self.warnings.pop(key, None)
+
+    def _judge_streams(self, slow: tuple[str, ...]) -> None:
+        """Warn while messages come more seldom than they must."""
+        if slow == self._slow_streams:
+            return
+        self._slow_streams = slow
+        self.warnings.pop(SLOW_STREAMS, None)
+        if slow:
+            self.warnings[SLOW_STREAMS] = (
+                f"{', '.join(slow)} of the autopilot: fewer than needed arrive; look at baud rate and MAV_*_RATE"
+            )
+            log.warning(SLOW_STREAMS, streams=slow)
+        else:
+            log.info("streams_recovered")
 
     def _follow_fence(self, status: AutopilotStatus) -> None:
         """The fence's anchor, where the local frame of now calls it."""

@@ -29,6 +29,7 @@ class PulsedAutopilot:
         self.imu = autopilot.imu
         self.status = autopilot.status
         self.clock = autopilot.clock
+        self.slow_streams = autopilot.slow_streams
         self.sent: list[Sent] = []
         self._autopilot = autopilot
         self._parameters = parameters

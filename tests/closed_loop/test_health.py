@@ -4,7 +4,10 @@ import pytest
 from support.flight import CALLER, Flight, fly
 
 from daemon.goals.methods import NoParams
+from daemon.reports import Reports
 from daemon.safety.supervisor import State
+from daemon.sim.fault import Fault
+from daemon.sim.faults import Link, StoppedTelemetry
 
 
 async def standing_by(flight: Flight) -> None:
@@ -60,5 +63,21 @@ def test_a_warning_of_others_stands_in_the_status_as_long_as_it_holds() -> None:
         assert told in (await flight.service.status_get(NoParams(), CALLER))["reasons"]
         await later(flight, 2.0)
         assert told not in (await flight.service.status_get(NoParams(), CALLER))["reasons"]
+
+    fly(scenario)
+
+
+@pytest.mark.parametrize("end", [None, Link(silent=True)], ids=["it recovers", "the link is lost"])
+def test_a_stream_that_comes_too_seldom_is_told_until(end: Fault | None) -> None:
+    async def scenario(flight: Flight) -> None:
+        await standing_by(flight)
+        assert "slow_streams" not in flight.vehicle.health.warnings
+        flight.px4.inject(StoppedTelemetry(messages=("HIGHRES_IMU",)))
+        await later(flight, 4.5)
+        told = {reason["code"]: reason["text"] for reason in Reports(flight.vehicle).reasons("goal")}
+        assert told["slow_streams"].startswith("HIGHRES_IMU of the autopilot")
+        flight.px4.faults.clear() if end is None else flight.px4.inject(end)
+        await later(flight, 4.5 if end is None else 1.0)
+        assert "slow_streams" not in flight.vehicle.health.warnings
 
     fly(scenario)

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from typing import Any
 
 import pytest
 from support.flight import Flight, fly
@@ -77,6 +78,48 @@ def test_an_unknown_mode_on_the_ground_is_nobodys_and_the_take_off_goes_through_
         await flight.until(lambda: FlightMode.HOLD in [mode for _, mode in flight.asked])
         del flight.px4.take_outgoing  # type: ignore[attr-defined]
         await takeoff
+        assert flight.state is State.READY
+
+    fly(scenario)
+
+
+def lose_a_request(flight: Flight, number: int, first_parameter: float) -> None:
+    """The first command of this kind never arrives."""
+    receive, lost = flight.px4.receive, []
+
+    def heard(name: str, fields: dict[str, Any], **sender: Any) -> None:
+        if not lost and fields.get("command") == number and fields.get("param1") == first_parameter:
+            lost.append(flight.now_s)
+            return
+        receive(name, fields, **sender)
+
+    flight.px4.receive = heard  # type: ignore[method-assign]
+
+
+def test_a_switch_is_seen_at_once_though_the_request_for_the_mode_was_lost() -> None:
+    """PX4 sends CURRENT_MODE every 2 s by itself, and HEARTBEAT every 1 s."""
+
+    async def scenario(flight: Flight) -> None:
+        lose_a_request(flight, number=511, first_parameter=436)
+        await flight.airborne()
+        await asyncio.sleep(2.0)
+        since_s = flight.now_s
+        flight.px4.inject(PilotTakesOver(mode="position"))
+        await flight.until(lambda: flight.state is State.PILOT)
+        assert flight.now_s - since_s < 0.1
+        assert max(time_s for time_s, _ in flight.sent) - since_s < 0.1
+
+    fly(scenario)
+
+
+def test_hold_is_seen_and_not_followed_by_a_landing_though_the_request_for_the_mode_was_lost() -> None:
+    async def scenario(flight: Flight) -> None:
+        lose_a_request(flight, number=511, first_parameter=436)
+        await flight.airborne()
+        await asyncio.sleep(2.0)
+        asked = len(flight.asked)
+        await flight.vehicle.commander.hold()
+        assert {mode for _, mode in flight.asked[asked:]} == {FlightMode.HOLD}
         assert flight.state is State.READY
 
     fly(scenario)

@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from support.session_rig import HOLD, LAND, RETURN, current_mode, heartbeat, odometry, requested_ids
+from support.session_rig import HOLD, LAND, RETURN, ack, current_mode, heartbeat, odometry, requested_ids
 
 from daemon.autopilot.session import Px4Session
 from daemon.autopilot.streams import STREAMS
@@ -98,17 +98,39 @@ def test_the_autopilots_own_time_requests_are_answered_at_once(session: Px4Sessi
     assert session.take_outgoing() == [("TIMESYNC", {"tc1": 1_250_000_000, "ts1": 5_276_000_000})]
 
 
-def test_streams_that_come_too_slowly_are_named_and_asked_for_again(session: Px4Session) -> None:
-    for tick in range(220):
+def listen(session: Px4Session, *, answers: int, mode_period: int, imu_period: int = 2, first: int = 0) -> set[int]:
+    """A period of every stream as PX4 sends it, two with so many ticks of 10 ms between; what is asked for again."""
+    for _ in range(answers):
+        session.receive("COMMAND_ACK", ack(511, 0), 0.01 * first)
+    for tick in range(first, first + 205):
         now_s = 0.01 * tick
         session.receive("ODOMETRY", odometry(1000 + tick * 10_000), now_s)
-        session.receive("HIGHRES_IMU", imu(tick * 10_000), now_s) if tick % 4 == 0 else None
+        session.receive("HIGHRES_IMU", imu(tick * 10_000), now_s) if tick % imu_period == 0 else None
+        session.receive("CURRENT_MODE", current_mode(HOLD), now_s) if tick % mode_period == 7 else None
         if tick % 20 == 0:
             session.receive("EXTENDED_SYS_STATE", {"landed_state": 1}, now_s)
             session.receive("SYS_STATUS", {"battery_remaining": 100}, now_s)
         session.poll(now_s)
-    assert session.monitor.slow == ("HIGHRES_IMU",)
-    assert [int(f["param1"]) for _, f in session.take_outgoing() if f.get("command") == 511] == [105]
+    return requested_ids(session)
+
+
+def test_streams_that_come_too_slowly_are_named_and_asked_for_again(session: Px4Session) -> None:
+    assert listen(session, answers=len(STREAMS), mode_period=50, imu_period=4) == {105}
+    assert session.monitor.slow == session.slow_streams.value == ("HIGHRES_IMU",)
+
+
+def test_current_mode_at_the_autopilots_own_rate_is_one_of_them(session: Px4Session) -> None:
+    """0.5 Hz unasked, 2 Hz when asked for: a pilot's switch shows up to 2 s late, or within 60 ms."""
+    assert listen(session, answers=len(STREAMS), mode_period=200) == {436}
+    assert session.slow_streams.value == ("CURRENT_MODE",)
+    assert listen(session, answers=1, mode_period=50, first=205) == set()
+    assert session.slow_streams.value == ()
+
+
+def test_all_streams_are_asked_for_again_when_an_acknowledgement_is_missing(session: Px4Session) -> None:
+    """PX4 says nothing of its origin until that moves: a request for this stream that was lost shows in no rate."""
+    assert listen(session, answers=len(STREAMS) - 1, mode_period=50) == {stream.message_id for stream in STREAMS}
+    assert session.slow_streams.value == ()
 
 
 def imu(stamp_us: int) -> dict[str, Any]:

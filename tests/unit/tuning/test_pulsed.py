@@ -22,6 +22,7 @@ class Wire:
         self.imu: Latest[Imu | None] = Latest(None)
         self.status = Latest(AutopilotStatus())
         self.clock: Latest[Any] = Latest(None)
+        self.slow_streams: Latest[tuple[str, ...]] = Latest(())
         self.setpoints: list[Setpoint] = []
         self.up = True
 
