@@ -153,6 +153,8 @@ class Px4Session:
         self._outgoing += self._commands.poll(now_s, self._why_not_armed(now_s))
         self._outgoing += self.monitor.check(now_s)
         self._publish_slow_streams()
+        if self.odometry.value is not None:
+            self._outgoing += self.monitor.follow(self.odometry.value.reset_counter)
         self._outgoing += self._param_reads.poll(now_s)
 
     # ---- out

@@ -20,6 +20,8 @@ class Stream:
     once: bool = False
 
 
+_ORIGIN = 49
+
 STREAMS: tuple[Stream, ...] = (
     Stream("ODOMETRY", 331, 100.0, least_hz=60.0),
     # For the cross-check of the tilt alone, which at 100 Hz would see the same (largest difference 7.3 deg, 8.2 at 50).
@@ -30,7 +32,7 @@ STREAMS: tuple[Stream, ...] = (
     Stream("SYS_STATUS", 1, 5.0, least_hz=1.5),
     Stream("GLOBAL_POSITION_INT", 33, 5.0),
     Stream("HOME_POSITION", 242, 1.0, once=True),
-    Stream("GPS_GLOBAL_ORIGIN", 49, 1.0, once=True),
+    Stream("GPS_GLOBAL_ORIGIN", _ORIGIN, 1.0, once=True),
 )
 
 
@@ -53,6 +55,7 @@ class StreamMonitor:
         self._seen: set[str] = set()
         self._since_s: float | None = None
         self._unanswered = 0
+        self._reset_counter: int | None = None
         self.slow: tuple[str, ...] = ()
 
     def restart(self, now_s: float) -> None:
@@ -72,6 +75,11 @@ class StreamMonitor:
     def acknowledged(self) -> None:
         """The autopilot has answered to a SET_MESSAGE_INTERVAL."""
         self._unanswered = max(0, self._unanswered - 1)
+
+    def follow(self, reset_counter: int) -> list[Message]:
+        """Ask after each reset of the estimate where the local frame lies: what told that it moved may be lost."""
+        before, self._reset_counter = self._reset_counter, reset_counter
+        return [] if before in (None, reset_counter) else [request_message(_ORIGIN)]
 
     def check(self, now_s: float) -> list[Message]:
         """At the end of a period, set ``slow`` and ask again for what is missed; at other times nothing."""

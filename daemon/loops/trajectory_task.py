@@ -28,6 +28,7 @@ from daemon.messages import (
     AutopilotStatus,
     EstimatedState,
     FrameShift,
+    GlobalPosition,
     Reference,
     ReferenceWindow,
     RequestKind,
@@ -36,6 +37,7 @@ from daemon.messages import (
 from daemon.pipeline import Inputs, Record
 from daemon.safety.supervisor import FLYING, State
 
+ORIGIN_MOVED_M = 0.1  # less is the rounding of what is told
 PLANNING_S = 0.5  # a path planned beside the loop starts this far ahead; twice as far when that was too near
 WAITING = frozenset({State.READY, State.ENGAGING, State.PILOT, State.FAULT})
 
@@ -69,6 +71,7 @@ class TrajectoryTask:
         self._rest: Plan | None = None
         self._sampled: Plan | None = None
         self._shift = FrameShift()
+        self._origin: GlobalPosition | None = None
         self._failure: Exception | None = None
         self._woken = False
         self._state: State | None = None
@@ -141,7 +144,7 @@ class TrajectoryTask:
             return
         sample = completed(sample, active.streamed, active.order.limits)
         active.streamed = sample
-        self._follow_resets(record.estimate.shift)
+        self._follow_frame(record.estimate.shift)
         active.plan = follow(start_of(record), sample, goal.timeout_s, active.order.limits, self._parameters())
         self.wake()
 
@@ -186,9 +189,10 @@ class TrajectoryTask:
         if record.supervision.state not in FLYING or record.reference is None:
             self._give_up(record)
             return
-        self._follow_resets(record.estimate.shift)
+        self._follow_frame(record.estimate.shift)
         if self._following.given_up(record, self._parameters().deviation_max_m):
             self._give_up_goal()
+        self._give_up_without_origin()
         start = start_of(record)
         plan = self._current_plan(start)
         if self._active is not None and record.estimate.newest is not None:
@@ -202,6 +206,14 @@ class TrajectoryTask:
         """The goal's reference has gone on without the vehicle; a place that is held stays what it is."""
         if self._active is not None and not self._active.canceled:
             self._end("aborted", reason="not_followed")
+
+    def _give_up_without_origin(self) -> None:
+        """A goal on the globe cannot be made anew while nobody knows where the local frame lies."""
+        active = self._active
+        if active is None or active.canceled or active.plan is not None or active.order.resolve is None:
+            return
+        if self._status.value.global_origin is None:
+            self._end("aborted", reason="origin_unknown")
 
     def _samples(self, plan: Plan, from_s: float) -> tuple[Reference, ...]:
         """The references from ``from_s`` on; those of the last window serve again while the plan is the same."""
@@ -232,8 +244,16 @@ class TrajectoryTask:
         else:
             self._end("aborted", reason=reason)
 
-    def _follow_resets(self, shift: FrameShift) -> None:
-        """Plans keep their physical place; a goal that was given on the globe is made anew from the origin."""
+    def _follow_frame(self, shift: FrameShift) -> None:
+        """Plans keep their physical place; a goal that was given on the globe is made anew from the origin.
+
+        That is told apart from the estimate, and may come later than the jump which belongs to it.
+        """
+        origin = self._status.value.global_origin
+        if origin is not None and (self._origin is None or _distance_m(origin, self._origin) > ORIGIN_MOVED_M):
+            self._origin = origin
+            if self._active is not None and self._active.order.resolve and not self._active.canceled:
+                self._active.plan = None
         if shift.count == self._shift.count:
             return
         dp = frames.subtract(shift.position_ned_m, self._shift.position_ned_m)
@@ -244,7 +264,8 @@ class TrajectoryTask:
             self._rest = self._rest.shifted(dp, dv, dyaw, shift.time_s)
         active = self._active
         if active is not None and active.plan is not None:
-            active.plan = None if active.order.resolve else active.plan.shifted(dp, dv, dyaw, shift.time_s)
+            anew = active.order.resolve and not active.canceled
+            active.plan = None if anew else active.plan.shifted(dp, dv, dyaw, shift.time_s)
 
     def _current_plan(self, flown: Reference) -> Plan:
         active = self._active
@@ -257,12 +278,13 @@ class TrajectoryTask:
             return self._current_plan(flown)
         if active.plan is None:
             self._rest = None
-            active.plan = brake(flown, self._limits()) if active.canceled else self._planned(active.order, flown)
+            active.plan = brake(flown, self._limits()) if active.canceled else self._planning(active.order)(flown)
         return active.plan
 
-    def _planned(self, order: GoalOrder, start: Reference) -> Plan:
+    def _planning(self, order: GoalOrder) -> Callable[[Reference], Plan]:
+        """What plans the goal, where the local frame of now has it, from a reference on."""
         goal = order.resolve(self._status.value) if order.resolve else order.goal
-        return planner.plan(start, goal, order.limits, self._parameters())
+        return lambda start: planner.plan(start, goal, order.limits, self._parameters())
 
     def _plan_ahead(self, active: ActiveGoal, flown: Reference) -> None:
         """Plan beside the loop, from where the plan that is being flown, or a brake, will be then."""
@@ -271,19 +293,20 @@ class TrajectoryTask:
         before = (self.plan.value if goes_on else None) or brake(flown, self._limits())
         self._rest = before
         needed = before.remaining(flown.time_s)
-        active.ahead = asyncio.get_running_loop().create_task(self._plan_beside(active, needed, self._shift.count))
+        beside = self._plan_beside(active, needed, self._planning(active.order))
+        active.ahead = asyncio.get_running_loop().create_task(beside)
 
-    async def _plan_beside(self, active: ActiveGoal, before: Plan, shift_count: int) -> None:
-        loop = asyncio.get_running_loop()
+    async def _plan_beside(self, active: ActiveGoal, before: Plan, planned: Callable[[Reference], Plan]) -> None:
+        loop, frame = asyncio.get_running_loop(), (self._shift.count, self._origin)
         lead_s = PLANNING_S
         while self._active is active and active.plan is None:
             start = before.sample(loop.time() + lead_s)
             try:
-                plan = await loop.run_in_executor(None, self._planned, active.order, start)
+                plan = await loop.run_in_executor(None, planned, start)
             except Exception as error:  # noqa: BLE001 - comes out of run() at the next tick of the grid
                 self._failure = error
                 return
-            if self._active is not active or active.canceled or self._shift.count != shift_count:
+            if self._active is not active or active.canceled or (self._shift.count, self._origin) != frame:
                 break
             if loop.time() < start.time_s:
                 active.plan = JoinedPlan(before, plan)
@@ -307,6 +330,10 @@ class TrajectoryTask:
         entry.duration_s = asyncio.get_running_loop().time() - entry.accepted_s
         for listener in self.listeners:
             listener.goal_ended(entry)
+
+
+def _distance_m(a: GlobalPosition, b: GlobalPosition) -> float:
+    return frames.norm(frames.ned_from_global(a, b))
 
 
 def _speed_m_s(record: Record) -> float:

@@ -1,5 +1,6 @@
 """Resets of the EKF in flight, against the twin flight of the same seed without: the vehicle must not notice."""
 
+import asyncio
 import json
 from functools import cache
 from math import degrees, dist
@@ -8,9 +9,9 @@ from typing import Any
 import pytest
 from support.flight import Flight, fly
 
-from daemon.frames import angle_between
+from daemon.frames import angle_between, ned_from_global
 from daemon.journal import Journal
-from daemon.messages import FlightMode, Quat, Vec3
+from daemon.messages import FlightMode, GlobalPosition, Quat, Vec3
 from daemon.reports import Reports
 from daemon.safety.supervisor import State
 from daemon.sim.faults import ClockStep, EkfReset, Fault, GpsLoss
@@ -150,3 +151,53 @@ def test_a_reset_during_a_preemption_ends_neither_goal_and_keeps_the_new_one_in_
         assert max(steps) < 0.07, "the vehicle must not lurch"
 
     fly(scenario)
+
+
+@pytest.mark.parametrize("told", ["0.05 s late", "0.4 s late", "when asked"])
+def test_a_goal_on_the_globe_ends_at_its_place_though_the_origin_is_told_after_the_jump(told: str) -> None:
+    """PX4 tells its origin in a message of its own; the one of the change may be late, or lost."""
+    late_s = {"0.05 s late": 0.05, "0.4 s late": 0.4, "when asked": None}[told]
+
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne()
+        hold_back_origins(flight, late_s)
+        home = flight.px4.home
+        place = GlobalPosition(home.latitude_deg + 30.0 / 111_195.0, home.longitude_deg, home.altitude_amsl_m + 5.0)
+        true_place = ned_from_global(place, home)
+        goal_id = await flight.goto(place.latitude_deg, place.longitude_deg, place.altitude_amsl_m, frame="global")
+        await asyncio.sleep(3.0)
+        flight.px4.inject(EkfReset(kind="position_ne", size_m=11.0, origin=True))
+        assert (await flight.result(goal_id)).outcome == "succeeded"
+        await asyncio.sleep(3.0)
+        assert dist(flight.position[:2], true_place[:2]) < 0.3
+
+    fly(scenario)
+
+
+def hold_back_origins(flight: Flight, late_s: float | None) -> None:
+    """From now on GPS_GLOBAL_ORIGIN comes so late; None: only when it was asked for since."""
+    take, receive = flight.px4.take_outgoing, flight.px4.receive
+    held: list[tuple[float, tuple[str, Any]]] = []
+    wanted: list[float] = []
+
+    def taken() -> list[tuple[str, Any]]:
+        out = []
+        for message in take():
+            if message[0] != "GPS_GLOBAL_ORIGIN":
+                out.append(message)
+            elif late_s is not None:
+                held.append((flight.now_s + late_s, message))
+            elif wanted:
+                out.append(message)
+                wanted.clear()
+        while held and held[0][0] <= flight.now_s:
+            out.append(held.pop(0)[1])
+        return out
+
+    def received(name: str, fields: dict[str, Any], **sender: Any) -> None:
+        if (fields.get("command"), fields.get("param1")) == (512, 49):
+            wanted.append(flight.now_s)
+        receive(name, fields, **sender)
+
+    flight.px4.take_outgoing = taken  # type: ignore[method-assign]
+    flight.px4.receive = received  # type: ignore[method-assign]

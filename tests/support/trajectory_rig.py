@@ -25,6 +25,7 @@ from daemon.messages import (
     AutopilotStatus,
     EstimatedState,
     FrameShift,
+    GlobalPosition,
     Reference,
     ReferenceWindow,
     RequestKind,
@@ -38,6 +39,7 @@ from daemon.sim.virtual_time import run_virtual
 
 LIMITS = MotionLimits()
 TICK_S = 0.01
+ORIGIN = GlobalPosition(47.4, 8.5, 490.0)
 FAR: Vec3 = (30.0, 10.0, -12.0)
 NEAR: Vec3 = (2.0, -1.0, -10.0)
 CONFIG = load([])
@@ -61,7 +63,7 @@ class Rig:
         loop = asyncio.get_running_loop()
         self.record: Latest[Record | None] = Latest(None)
         self.request: Latest[VehicleRequest | None] = Latest(None)
-        self.status: Latest[AutopilotStatus] = Latest(AutopilotStatus())
+        self.status: Latest[AutopilotStatus] = Latest(AutopilotStatus(global_origin=ORIGIN))
         self.task = TrajectoryTask(
             Grid(0.1, LoopAlarm(loop)),
             self.record,

@@ -133,6 +133,15 @@ def test_all_streams_are_asked_for_again_when_an_acknowledgement_is_missing(sess
     assert session.slow_streams.value == ()
 
 
+def test_the_origin_is_asked_for_after_each_reset_of_the_estimate(session: Px4Session) -> None:
+    asked = []
+    for tick, counter in enumerate((11, 11, 12, 12, 0)):
+        session.receive("ODOMETRY", odometry(1000 + 10_000 * tick, reset_counter=counter), 0.01 * tick)
+        session.poll(0.01 * tick)
+        asked.append(requested_ids(session, 512))
+    assert asked == [set(), set(), {49}, set(), {49}]
+
+
 def imu(stamp_us: int) -> dict[str, Any]:
     names = ("xacc", "yacc", "zacc", "xgyro", "ygyro", "zgyro", "xmag", "ymag", "zmag")
     return {"time_usec": stamp_us} | dict.fromkeys(names, 0.0)

@@ -4,13 +4,13 @@ from dataclasses import replace
 from math import dist
 
 import pytest
-from support.trajectory_rig import FAR, INPUTS, NEAR, TICK_S, Rig, assert_smooth, run, to
+from support.trajectory_rig import FAR, INPUTS, NEAR, ORIGIN, TICK_S, Rig, assert_smooth, run, to
 
 from daemon.frames import from_yaw, norm
 from daemon.guidance.convergence import Tolerance
 from daemon.guidance.goals import Goal, HoldGoal, PathGoal, StreamGoal, Through
 from daemon.guidance.stream import StreamSample
-from daemon.messages import Reference, RequestKind, Vec3
+from daemon.messages import AutopilotStatus, FrameShift, GlobalPosition, Reference, RequestKind, Vec3
 from daemon.safety.supervisor import State
 
 
@@ -250,3 +250,41 @@ def test_what_became_of_a_goal_is_kept_for_the_newest_hundred() -> None:
 
 def _speed(reference: Reference) -> float:
     return norm(reference.velocity_ned_m_s)
+
+
+@pytest.mark.parametrize("through", [None, Through.FLY_BY])
+def test_a_goal_on_the_globe_ends_when_it_must_be_made_anew_and_nobody_tells_the_origin(
+    through: Through | None,
+) -> None:
+    goal = to(FAR) if through is None else PathGoal(waypoints=(to(NEAR), to(FAR)), through=through)
+
+    async def scenario(rig: Rig) -> None:
+        goal_id = rig.submit(goal, resolve=lambda _status: goal)
+        await rig.wait(1.0)
+        rig.status.set(AutopilotStatus())
+        await rig.wait(1.0)
+        assert rig.ended == []  # as long as nothing has jumped, its place is known
+        rig.shift = FrameShift(1, rig.now_s, position_ned_m=(0.5, 0.0, 0.0))
+        entry = await rig.end_of(goal_id)
+        assert (entry.outcome, entry.reason) == ("aborted", "origin_unknown")
+        await rig.wait(3.0)
+        assert norm(rig.flown.velocity_ned_m_s) < 1e-6
+
+    run(scenario)
+
+
+def test_the_origins_rounding_moves_no_goal_and_an_origin_that_moved_does() -> None:
+    made: list[GlobalPosition | None] = []
+
+    def resolve(status: AutopilotStatus) -> Goal:
+        made.append(status.global_origin)
+        return to(FAR)
+
+    async def scenario(rig: Rig) -> None:
+        rig.submit(to(FAR), resolve=resolve)
+        for latitude_deg in (ORIGIN.latitude_deg, ORIGIN.latitude_deg + 1e-7, ORIGIN.latitude_deg + 3e-6):
+            rig.status.set(AutopilotStatus(global_origin=replace(ORIGIN, latitude_deg=latitude_deg)))
+            await rig.wait(0.5)
+        assert made == [ORIGIN, rig.status.value.global_origin]
+
+    run(scenario)

@@ -1,9 +1,10 @@
 """The vehicle flies on while a long path is planned, and a plan that was overtaken is dropped."""
 
+from dataclasses import replace
 from math import dist
 
 import pytest
-from support.trajectory_rig import NEAR, Rig, assert_smooth, run, slow_planning, to
+from support.trajectory_rig import NEAR, ORIGIN, Rig, assert_smooth, run, slow_planning, to
 
 from daemon.guidance.goals import PathGoal, Through, WaypointGoal
 from daemon.messages import AutopilotStatus, FrameShift
@@ -88,6 +89,20 @@ def test_a_path_is_planned_anew_when_the_estimate_jumped_meanwhile(monkeypatch: 
         goal_id = rig.submit(FLY_BY)
         await rig.wait(0.1)
         rig.shift = FrameShift(1, rig.now_s, position_ned_m=(0.0, 0.0, 0.0), yaw_rad=0.1)
+        assert (await rig.end_of(goal_id)).outcome == "succeeded"
+        assert len(begun) == 2
+
+    run(scenario)
+
+
+def test_a_path_on_the_globe_is_planned_anew_when_its_origin_moved_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def scenario(rig: Rig) -> None:
+        begun = slow_planning(monkeypatch, [0.3, 0.3])
+        goal_id = rig.submit(FLY_BY, resolve=lambda _status: FLY_BY)
+        await rig.wait(0.1)
+        rig.status.set(
+            replace(rig.status.value, global_origin=replace(ORIGIN, latitude_deg=ORIGIN.latitude_deg + 1e-4))
+        )
         assert (await rig.end_of(goal_id)).outcome == "succeeded"
         assert len(begun) == 2
 
