@@ -3,19 +3,19 @@
 from dataclasses import replace
 from math import floor
 
-from daemon.frames import add, wrap_pi
+from daemon.frames import add, subtract, wrap_pi
+from daemon.guidance.constant_jerk import Motion, carried
+from daemon.guidance.filter_path import FilterPath
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters
 from daemon.guidance.plan import Plan
-from daemon.guidance.saturation import Cascade, cascade, step_axis, step_heading, step_plane
+from daemon.guidance.saturation import cascades, step_heading, step_towards
 from daemon.guidance.time_to_go import duration_s
 from daemon.messages import WINDOW_SPACING_S, ZERO3, Reference, Vec3
 
 _REST_M = 1e-7  # error, in metres, radians and their rates, below which the filter counts as resting at its goal
-_PATH_STEPS_1_RAD = 0.1  # the path's step in units of 1 / omega
-_PATH_STEP_S = 0.1  # and at most: the limits are met in tenths of a second, however slow the filter is
 
-Node = tuple[float, ...]  # px py pz vx vy vz ax ay az yaw yaw_rate jx jy jz yaw_acceleration
+Node = tuple[Motion, Vec3, float, float, float]  # motion, jerk; heading, its rate and acceleration
 
 
 class FilterPlan(Plan):
@@ -44,13 +44,9 @@ class FilterPlan(Plan):
         self._step_s = step_s
         self._plane, self._vertical = cascades(limits, parameters, step_s)
         self._nodes: list[Node] = []
-        self._after: Node | None = (
-            *start.position_ned_m,
-            *start.velocity_ned_m_s,
-            *start.acceleration_ned_m_s2,
-            start.yaw_rad,
-            start.yaw_rate_rad_s,
-        )
+        motion = (start.position_ned_m, start.velocity_ned_m_s, start.acceleration_ned_m_s2)
+        self._after: tuple[Motion, float, float] | None = (motion, start.yaw_rad, start.yaw_rate_rad_s)
+        self._path: FilterPath | None = None
 
     @property
     def end_s(self) -> float:
@@ -80,9 +76,10 @@ class FilterPlan(Plan):
 
     @property
     def path(self) -> Plan:
-        """A twin of this plan with coarser steps: a tenth of the work, equal to some decimetres."""
-        coarse_s = max(self._step_s, min(_PATH_STEPS_1_RAD / self._parameters.omega_rad_s, _PATH_STEP_S))
-        return FilterPlan(self._start, self._goal, self._goal_yaw, self._limits, self._parameters, coarse_s)
+        """A twin of this plan in coarse steps, which cruises in one: a few hundred of them, however far it goes."""
+        if self._path is None:
+            self._path = FilterPath(self._start, self.target, self._limits, self._parameters)
+        return self._path
 
     def shifted(self, dp_ned_m: Vec3, dv_ned_m_s: Vec3, dyaw_rad: float, at_s: float) -> Plan:
         """Moved with the estimate; after a velocity jump the filter goes on from the shifted state."""
@@ -103,74 +100,36 @@ class FilterPlan(Plan):
         return (goal[0] - now[0], goal[1] - now[1], goal[2] - now[2])
 
     def _node(self, index: int) -> Node | None:
-        """State and jerk at the beginning of a step; None when the filter rests by then."""
+        """State, jerk and yaw acceleration at the beginning of a step; None when the filter rests by then."""
         nodes = self._nodes
         while index >= len(nodes):
             if self._after is None:
                 return None
-            node = self._step(self._after)
+            node = self._step(*self._after)
             self._after = None if node is None else advance(node, self._step_s)
             if node is not None:
                 nodes.append(node)
         return nodes[index]
 
-    def _step(self, state: Node) -> Node | None:
-        """The state with the jerk of the step that begins there; None at rest in the goal."""
-        px, py, pz, vx, vy, vz, ax, ay, az, yaw, yaw_rate = state
-        gx, gy, gz = self._goal
-        to_yaw = self._goal_yaw - yaw
-        largest = max(map(abs, (gx - px, gy - py, gz - pz, vx, vy, vz, ax, ay, az, to_yaw, yaw_rate)))
+    def _step(self, motion: Motion, yaw_rad: float, rate_rad_s: float) -> Node | None:
+        """The state with what the step that begins there does to it; None at rest in the goal."""
+        offset, to_yaw = subtract(self._goal, motion[0]), self._goal_yaw - yaw_rad
+        largest = max(map(abs, (*offset, *motion[1], *motion[2], to_yaw, rate_rad_s)))
         if largest < _REST_M:
             return None
-        jx, jy = step_plane(self._plane, gx - px, gy - py, vx, vy, ax, ay)
-        jz = step_axis(self._vertical, gz - pz, vz, az)
-        turning = step_heading(to_yaw, yaw_rate, 0.0, self._parameters.omega_yaw_rad_s, self._limits)
-        return (*state, jx, jy, jz, turning)
+        jerk = step_towards(self._plane, self._vertical, offset, motion)
+        turning = step_heading(to_yaw, rate_rad_s, 0.0, self._parameters.omega_yaw_rad_s, self._limits)
+        return motion, jerk, yaw_rad, rate_rad_s, turning
 
 
-def cascades(limits: MotionLimits, parameters: GuidanceParameters, step_s: float) -> tuple[Cascade, Cascade]:
-    """Gains of the horizontal and of the vertical filter."""
-    horizontal = cascade(
-        omega_rad_s=parameters.omega_rad_s,
-        zeta=parameters.zeta,
-        speed_high_m_s=limits.speed_m_s,
-        speed_low_m_s=-limits.speed_m_s,
-        acceleration_m_s2=limits.acceleration_m_s2,
-        jerk_m_s3=limits.jerk_m_s3,
-        dt_s=step_s,
-    )
-    vertical = cascade(
-        omega_rad_s=parameters.omega_rad_s,
-        zeta=parameters.zeta,
-        speed_high_m_s=limits.descent_m_s,
-        speed_low_m_s=-limits.climb_m_s,
-        acceleration_m_s2=limits.vertical_acceleration_m_s2,
-        jerk_m_s3=limits.jerk_m_s3,
-        dt_s=step_s,
-    )
-    return horizontal, vertical
+def advance(node: Node, dt_s: float) -> tuple[Motion, float, float]:
+    """Motion, heading and its rate ``dt_s`` after a node, jerk and yaw acceleration constant."""
+    motion, jerk, yaw, rate, turning = node
+    later = carried(motion, jerk, dt_s)
+    return later, yaw + rate * dt_s + 0.5 * turning * dt_s * dt_s, rate + turning * dt_s
 
 
-def advance(node: Node, dt: float) -> Node:
-    """The state ``dt`` after a node, jerk constant."""
-    px, py, pz, vx, vy, vz, ax, ay, az, yaw, yaw_rate, jx, jy, jz, yaw_acceleration = node
-    half, sixth = 0.5 * dt * dt, dt * dt * dt / 6.0
-    return (
-        px + vx * dt + ax * half + jx * sixth,
-        py + vy * dt + ay * half + jy * sixth,
-        pz + vz * dt + az * half + jz * sixth,
-        vx + ax * dt + jx * half,
-        vy + ay * dt + jy * half,
-        vz + az * dt + jz * half,
-        ax + jx * dt,
-        ay + jy * dt,
-        az + jz * dt,
-        yaw + yaw_rate * dt + yaw_acceleration * half,
-        yaw_rate + yaw_acceleration * dt,
-    )
-
-
-def reference_after(node: Node, dt: float, time_s: float) -> Reference:
-    """The reference ``dt`` after a node."""
-    px, py, pz, vx, vy, vz, ax, ay, az, yaw, yaw_rate = advance(node, dt)
-    return Reference(time_s, (px, py, pz), (vx, vy, vz), (ax, ay, az), node[11:14], wrap_pi(yaw), yaw_rate)  # type: ignore[arg-type]
+def reference_after(node: Node, dt_s: float, time_s: float) -> Reference:
+    """The reference ``dt_s`` after a node."""
+    motion, yaw, rate = advance(node, dt_s)
+    return Reference(time_s, *motion, node[1], wrap_pi(yaw), rate)

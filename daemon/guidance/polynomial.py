@@ -6,7 +6,8 @@ Source: the polynomial trajectories of mavros_controllers; the jerk is the param
 from collections.abc import Iterator
 from dataclasses import replace
 
-from daemon.frames import add, norm, scale
+from daemon.frames import norm, scale
+from daemon.guidance.constant_jerk import carried
 from daemon.guidance.plan import Plan, straights
 from daemon.messages import ZERO3, Reference, Vec3
 
@@ -42,14 +43,15 @@ class PolynomialPlan(Plan):
 
     def sample(self, time_s: float) -> Reference:
         """The polynomial at a time, before the end and beyond."""
-        t = max(0.0, time_s - self.start_s)
-        p, v, a = self._start.position_ned_m, self._start.velocity_ned_m_s, self._start.acceleration_ned_m_s2
+        start = self._start
+        motion = (start.position_ned_m, start.velocity_ned_m_s, start.acceleration_ned_m_s2)
+        position, velocity, acceleration = carried(motion, self._jerk, max(0.0, time_s - self.start_s))
         return replace(
-            self._start,
+            start,
             time_s=time_s,
-            position_ned_m=add(add(p, scale(v, t)), add(scale(a, 0.5 * t * t), scale(self._jerk, t * t * t / 6.0))),
-            velocity_ned_m_s=add(add(v, scale(a, t)), scale(self._jerk, 0.5 * t * t)),
-            acceleration_ned_m_s2=add(a, scale(self._jerk, t)),
+            position_ned_m=position,
+            velocity_ned_m_s=velocity,
+            acceleration_ned_m_s2=acceleration,
             jerk_ned_m_s3=self._jerk,
         )
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from daemon import frames
+from daemon.guidance.constant_jerk import carried
 from daemon.messages import WINDOW_SPACING_S, FrameShift, Reference, ReferenceWindow, Vec3
 
 
@@ -32,22 +33,10 @@ def sample(window: ReferenceWindow, shift: FrameShift, time_s: float) -> Referen
 
 
 def _extrapolated(r: Reference, time_s: float) -> Reference:
-    t = time_s - r.time_s
-    p, v, a, j = r.position_ned_m, r.velocity_ned_m_s, r.acceleration_ned_m_s2, r.jerk_ned_m_s3
-    t2, t3 = 0.5 * t * t, t * t * t / 6.0
-    return Reference(
-        time_s=time_s,
-        position_ned_m=(
-            p[0] + v[0] * t + a[0] * t2 + j[0] * t3,
-            p[1] + v[1] * t + a[1] * t2 + j[1] * t3,
-            p[2] + v[2] * t + a[2] * t2 + j[2] * t3,
-        ),
-        velocity_ned_m_s=(v[0] + a[0] * t + j[0] * t2, v[1] + a[1] * t + j[1] * t2, v[2] + a[2] * t + j[2] * t2),
-        acceleration_ned_m_s2=(a[0] + j[0] * t, a[1] + j[1] * t, a[2] + j[2] * t),
-        jerk_ned_m_s3=j,
-        yaw_rad=frames.wrap_pi(r.yaw_rad + r.yaw_rate_rad_s * t),
-        yaw_rate_rad_s=r.yaw_rate_rad_s,
-    )
+    dt_s = time_s - r.time_s
+    motion = (r.position_ned_m, r.velocity_ned_m_s, r.acceleration_ned_m_s2)
+    yaw_rad = frames.wrap_pi(r.yaw_rad + r.yaw_rate_rad_s * dt_s)
+    return Reference(time_s, *carried(motion, r.jerk_ned_m_s3, dt_s), r.jerk_ned_m_s3, yaw_rad, r.yaw_rate_rad_s)
 
 
 def shifted(r: Reference, dp: Vec3, dv: Vec3, dyaw: float, since_s: float) -> Reference:

@@ -13,7 +13,10 @@ from dataclasses import dataclass
 from math import hypot, sqrt
 
 from daemon.frames import clamp
+from daemon.guidance.constant_jerk import Motion
 from daemon.guidance.limits import MotionLimits
+from daemon.guidance.parameters import GuidanceParameters
+from daemon.messages import Vec3
 
 _SHORTENINGS = 7  # halvings of the search along the way from braking to the wanted acceleration
 
@@ -60,6 +63,33 @@ def cascade(
         jerk_m_s3=jerk_m_s3,
         dt_s=dt_s,
     )
+
+
+def cascades(limits: MotionLimits, parameters: GuidanceParameters, step_s: float) -> tuple[Cascade, Cascade]:
+    """Gains of the horizontal and of the vertical filter."""
+    shared = {"omega_rad_s": parameters.omega_rad_s, "zeta": parameters.zeta, "jerk_m_s3": limits.jerk_m_s3}
+    horizontal = cascade(
+        **shared,
+        speed_high_m_s=limits.speed_m_s,
+        speed_low_m_s=-limits.speed_m_s,
+        acceleration_m_s2=limits.acceleration_m_s2,
+        dt_s=step_s,
+    )
+    vertical = cascade(
+        **shared,
+        speed_high_m_s=limits.descent_m_s,
+        speed_low_m_s=-limits.climb_m_s,
+        acceleration_m_s2=limits.vertical_acceleration_m_s2,
+        dt_s=step_s,
+    )
+    return horizontal, vertical
+
+
+def step_towards(plane: Cascade, vertical: Cascade, offset_ned_m: Vec3, motion: Motion) -> Vec3:
+    """Jerk of the next step towards a place that rests ``offset_ned_m`` away, m/s^3."""
+    _, (vx, vy, vz), (ax, ay, az) = motion
+    jx, jy = step_plane(plane, offset_ned_m[0], offset_ned_m[1], vx, vy, ax, ay)
+    return jx, jy, step_axis(vertical, offset_ned_m[2], vz, az)
 
 
 def approach_speed(distance_m: float, gain_1_s: float, braking_m_s2: float) -> float:

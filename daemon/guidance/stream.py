@@ -7,14 +7,15 @@ reference filter flies after it from the flown state, so limits hold and nothing
 from dataclasses import dataclass, replace
 from math import ceil, floor
 
-from daemon.frames import add, clamp, clip_norm, is_finite, scale, subtract, wrap_pi
+from daemon.frames import clamp, clip_norm, is_finite, scale, subtract, wrap_pi
 from daemon.guidance.brake import brake
-from daemon.guidance.filter_plan import Node, advance, cascades, reference_after
+from daemon.guidance.constant_jerk import Motion, carried
+from daemon.guidance.filter_plan import Node, reference_after
 from daemon.guidance.heading import HeadedPlan, along_velocity
 from daemon.guidance.limits import MotionLimits, motion_excess
 from daemon.guidance.parameters import GuidanceParameters
 from daemon.guidance.plan import Plan, SequencePlan
-from daemon.guidance.saturation import step_axis, step_plane
+from daemon.guidance.saturation import cascades, step_axis, step_plane
 from daemon.messages import WINDOW_SPACING_S, ZERO3, Reference, Vec3
 
 _SHORTEST_GAP_S = 1e-3  # between two samples whose velocities give an acceleration
@@ -98,20 +99,15 @@ class FollowPlan(Plan):
         self._end_s = end_s
         quick = replace(parameters, omega_rad_s=parameters.omega_stream_rad_s)
         plane, vertical = cascades(limits, quick, WINDOW_SPACING_S)
-        state: Node = (
-            *start.position_ned_m,
-            *start.velocity_ned_m_s,
-            *start.acceleration_ned_m_s2,
-            start.yaw_rad,
-            start.yaw_rate_rad_s,
-        )
+        motion: Motion = (start.position_ned_m, start.velocity_ned_m_s, start.acceleration_ned_m_s2)
         self._nodes: list[Node] = []
         for index in range(ceil((end_s - start.time_s) / WINDOW_SPACING_S)):
-            px, py, pz, vx, vy, vz, ax, ay, az, _, _ = state
+            (px, py, pz), (vx, vy, vz), (ax, ay, az) = motion
             (gx, gy, gz), (ux, uy, uz), (bx, by, bz) = _carried(sample, start.time_s + index * WINDOW_SPACING_S)
             jx, jy = step_plane(plane, gx - px, gy - py, vx, vy, ax, ay, (ux, uy), (bx, by))
-            self._nodes.append((*state, jx, jy, step_axis(vertical, gz - pz, vz, az, uz, bz), 0.0))
-            state = advance(self._nodes[-1], WINDOW_SPACING_S)
+            jerk = (jx, jy, step_axis(vertical, gz - pz, vz, az, uz, bz))
+            self._nodes.append((motion, jerk, start.yaw_rad, start.yaw_rate_rad_s, 0.0))
+            motion = carried(motion, jerk, WINDOW_SPACING_S)
 
     @property
     def end_s(self) -> float:
@@ -130,10 +126,7 @@ class FollowPlan(Plan):
         return reference_after(self._nodes[index], since_s - index * WINDOW_SPACING_S, time_s)
 
 
-def _carried(sample: StreamSample, time_s: float) -> tuple[Vec3, Vec3, Vec3]:
-    """Position, velocity and acceleration of a sample at a time, its jerk held."""
-    t = time_s - sample.stamp_s
-    p, v = sample.position_ned_m, sample.velocity_ned_m_s
-    a, j = sample.acceleration_ned_m_s2 or ZERO3, sample.jerk_ned_m_s3 or ZERO3
-    position = add(add(p, scale(v, t)), add(scale(a, t * t / 2.0), scale(j, t * t * t / 6.0)))
-    return position, add(add(v, scale(a, t)), scale(j, t * t / 2.0)), add(a, scale(j, t))
+def _carried(sample: StreamSample, time_s: float) -> Motion:
+    """The sample's motion at a time, its jerk held."""
+    motion = (sample.position_ned_m, sample.velocity_ned_m_s, sample.acceleration_ned_m_s2 or ZERO3)
+    return carried(motion, sample.jerk_ned_m_s3 or ZERO3, time_s - sample.stamp_s)

@@ -4,12 +4,14 @@ from math import dist
 
 import pytest
 
+from daemon.guidance import filter_path, filter_plan
 from daemon.guidance.filter_plan import FilterPlan
 from daemon.guidance.heading import HeadedPlan, along_velocity
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters
 from daemon.guidance.plan import HoldPlan, Plan, SequencePlan
-from daemon.messages import Reference
+from daemon.guidance.saturation import step_towards
+from daemon.messages import Reference, Vec3
 
 LIMITS = MotionLimits()
 
@@ -44,3 +46,38 @@ def test_the_outline_of_a_filter_is_near_what_is_flown_however_slow_the_filter(o
     plan = FilterPlan(start, (300.0, 20.0, -15.0), 0.0, LIMITS, GuidanceParameters(omega_rad_s=omega_rad_s))
     for seen in plan.outline(60):
         assert dist(seen.position_ned_m, plan.sample(seen.time_s).position_ned_m) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("omega_rad_s", "limits"),
+    [
+        (1.0, LIMITS),
+        (1.0, LIMITS.tightened(speed_m_s=0.1)),
+        (5.0, LIMITS.tightened(speed_m_s=0.1)),
+        (0.1, LIMITS.tightened(speed_m_s=0.5)),
+        (5.0, LIMITS),
+    ],
+)
+@pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (0.03, -0.08, 0.05)])
+def test_looking_at_the_whole_way_of_a_filter_takes_few_steps_however_long_it_lasts(
+    omega_rad_s: float, limits: MotionLimits, velocity: Vec3, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps = 0
+
+    def counted(*args: object) -> Vec3:
+        nonlocal steps
+        steps += 1
+        return step_towards(*args)  # type: ignore[arg-type]
+
+    for module in (filter_path, filter_plan):
+        monkeypatch.setattr(module, "step_towards", counted)
+    start = Reference(0.0, (0.0, 0.0, -5.0), velocity)
+    flown = FilterPlan(start, (450.0, 10.0, -12.0), 0.0, limits, GuidanceParameters(omega_rad_s=omega_rad_s))
+    plan = HeadedPlan(flown, start, along_velocity, limits, 1.0)
+    corners = tuple(plan.path.polyline())
+    assert corners[0] == start.position_ned_m
+    assert corners[-1] == (450.0, 10.0, -12.0)
+    assert plan.target.position_ned_m == (450.0, 10.0, -12.0)
+    plan.outline()
+    assert len(corners) <= steps + 10
+    assert steps < 600
