@@ -47,18 +47,16 @@ class FilterPlan(Plan):
         motion = (start.position_ned_m, start.velocity_ned_m_s, start.acceleration_ned_m_s2)
         self._after: tuple[Motion, float, float] | None = (motion, start.yaw_rad, start.yaw_rate_rad_s)
         self._path: FilterPath | None = None
+        self._estimate_s: float | None = None
 
     @property
     def end_s(self) -> float:
         """When the filter comes within 5 cm of the goal: estimated from its law until it has been stepped to rest."""
         if self._after is None:
             return self.start_s + len(self._nodes) * self._step_s
-        across = duration_s(self._plane, self._offset()[:2], self._start.velocity_ned_m_s[:2])
-        down = duration_s(self._vertical, self._offset()[2:], self._start.velocity_ned_m_s[2:])
-        turn = abs(self._goal_yaw - self._start.yaw_rad) / self._limits.yaw_rate_rad_s
-        if turn > 0.0:
-            turn += 2.0 / self._parameters.omega_yaw_rad_s
-        return self.start_s + max(across, down, turn)
+        if self._estimate_s is None:
+            self._estimate_s = self._estimated_s()
+        return self.start_s + self._estimate_s
 
     @property
     def target(self) -> Reference:
@@ -94,6 +92,14 @@ class FilterPlan(Plan):
         )
         goal = add(self._goal, dp_ned_m)
         return FilterPlan(start, goal, self._goal_yaw + dyaw_rad, self._limits, self._parameters, self._step_s)
+
+    def _estimated_s(self) -> float:
+        across = duration_s(self._plane, self._offset()[:2], self._start.velocity_ned_m_s[:2])
+        down = duration_s(self._vertical, self._offset()[2:], self._start.velocity_ned_m_s[2:])
+        turn = abs(self._goal_yaw - self._start.yaw_rad) / self._limits.yaw_rate_rad_s
+        if turn > 0.0:
+            turn += 2.0 / self._parameters.omega_yaw_rad_s
+        return max(across, down, turn)
 
     def _offset(self) -> Vec3:
         goal, now = self._goal, self._start.position_ned_m
