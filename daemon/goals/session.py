@@ -1,7 +1,9 @@
 """One client's connection: bounded reading, bounded work, bounded writing; it never makes the loop wait."""
 
 import asyncio
+import os
 import select
+import socket
 from typing import Protocol
 
 from daemon import logs
@@ -54,6 +56,7 @@ class Session(asyncio.BufferedProtocol):
         self._ended = False
         self._hung_up = False
         self._closing = False
+        self._rest: socket.socket | None = None
         self.caller = Caller(number, peer.pid, peer.uid, host.operators.include(peer))
         self.queued = False
         self.in_flight = 0
@@ -70,10 +73,15 @@ class Session(asyncio.BufferedProtocol):
             self.fail(refusal)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The client is gone."""
-        self._closing = True
-        self._transport = None
-        self._host.closed(self)
+        """The client is gone; what it sent before, and a reply was too late for, is still to be done."""
+        transport, self._transport = self._transport, None
+        if self._closing or transport is None:
+            self._host.closed(self)
+            return
+        self._rest = socket.socket(fileno=os.dup(transport.get_extra_info("socket").fileno()))
+        self._ended = True
+        self._stuck_since_s = None
+        self._host.ready(self)
 
     def get_buffer(self, sizehint: int) -> memoryview:
         """One buffer serves all connections: it is emptied in the same call."""
@@ -130,6 +138,8 @@ class Session(asyncio.BufferedProtocol):
         return self._read_on() or line is not None
 
     def _read_on(self) -> bool:
+        if self._rest is not None:
+            return self._read_rest(self._rest)
         if self._hung_up or (self._ended and self._host.idle(self)):
             self.close()
         elif self._paused and self._transport is not None:
@@ -137,6 +147,21 @@ class Session(asyncio.BufferedProtocol):
             self._transport.resume_reading()
             return True
         return False
+
+    def _read_rest(self, rest: socket.socket) -> bool:
+        """Take the next piece of what a client that is gone has left in its socket."""
+        try:
+            left = rest.recv(len(self._host.buffer))
+        except OSError:
+            left = b""
+        self._lines.feed(left)
+        if not left:
+            self._lines.finish()
+            self._hung_up = True
+            self._rest = None
+            rest.close()
+        self._host.ready(self)
+        return True
 
     def started(self) -> None:
         """A request of this client runs."""
@@ -151,8 +176,8 @@ class Session(asyncio.BufferedProtocol):
     def send(self, line: bytes, *, essential: bool) -> None:
         """Write a line; a client that does not read loses what is not essential, and then its connection."""
         transport = self._transport
-        if transport is None or self._closing or self._hung_up:
-            return
+        if transport is None or self._closing or self._hung_up or self._peer_closed():
+            return  # a write would fail, and end the reading of what the client sent before it closed
         waiting = transport.get_write_buffer_size()
         if waiting > SOFT_LIMIT_BYTES and not essential:
             self.lost += 1
@@ -172,6 +197,10 @@ class Session(asyncio.BufferedProtocol):
         if self._transport is not None:
             self._stuck_since_s = self._stuck_since_s or self._loop.time()
             self._transport.close()
+            return
+        if self._rest is not None:
+            self._rest.close()
+        self._host.closed(self)
 
     def check(self) -> None:
         """Cut the client off if it has not been reading for too long."""

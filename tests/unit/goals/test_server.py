@@ -182,6 +182,38 @@ async def test_line_that_is_too_long_is_answered_and_ends_the_connection(path):
         assert await client.reader.read() == b""
 
 
+@pytest.mark.parametrize("notices", ["before it replies", "as the reply fails"])
+@pytest.mark.parametrize("many", [1, 300])
+async def test_all_that_a_client_sent_before_it_closed_is_done(path, monkeypatch, many, notices):
+    """More than one reading of the buffer, too; and when the client closes just as the daemon writes to it."""
+    if notices == "as the reply fails":
+        monkeypatch.setattr(session_module.Session, "_peer_closed", lambda session: session._hung_up)
+    lines = [request("system.info")] * many + [request("vehicle.hold"), request("vehicle.land")]
+    async with serving(path) as daemon:
+        client = socket.socket(socket.AF_UNIX)
+        client.connect(str(path))
+        client.sendall(b"".join(json.dumps(line).encode() + b"\n" for line in lines))
+        client.close()
+        async with raw(path) as other, asyncio.timeout(20):
+            while [name for name, _ in daemon.calls] != ["hold", "land"] or len(daemon.server._sessions) > 1:
+                await settle(other)
+
+
+async def test_what_a_subscriber_that_does_not_read_sent_before_it_closed_is_done(path):
+    async with serving(path) as daemon, raw(path) as other:
+        client = socket.socket(socket.AF_UNIX)
+        client.connect(str(path))
+        client.sendall(json.dumps(request("telemetry.subscribe", {"topics": ["goal"]})).encode() + b"\n")
+        await other.ask("goal.submit", {"waypoint": {"position": [1, 0, -5]}})
+        for _ in range(3000):
+            daemon.feedback("g-1")
+        client.sendall(b"".join(json.dumps(request(f"vehicle.{name}")).encode() + b"\n" for name in ("hold", "land")))
+        client.close()
+        async with asyncio.timeout(20):
+            while [name for name, _ in daemon.calls] != ["submit", "hold", "land"]:
+                await settle(other)
+
+
 async def test_half_closed_client_gets_its_replies_and_then_the_end(path):
     async with serving(path), raw(path) as client:
         client.writer.write(json.dumps(request("status.get")).encode())
