@@ -17,6 +17,7 @@ SOFT_LIMIT_BYTES = 64 * 1024
 HARD_LIMIT_BYTES = 1024 * 1024
 MAX_IN_FLIGHT = 32
 PATIENCE_S = 5.0
+LEFT_S = 2.0
 
 log = logs.get("goals")
 
@@ -56,6 +57,7 @@ class Session(asyncio.BufferedProtocol):
         self._ended = False
         self._hung_up = False
         self._closing = False
+        self._gone_since_s: float | None = None
         self._rest: socket.socket | None = None
         self.caller = Caller(number, peer.pid, peer.uid, host.operators.include(peer))
         self.queued = False
@@ -81,6 +83,7 @@ class Session(asyncio.BufferedProtocol):
         self._rest = socket.socket(fileno=os.dup(transport.get_extra_info("socket").fileno()))
         self._ended = True
         self._stuck_since_s = None
+        self._gone_since_s = self._gone_since_s or self._loop.time()
         self._host.ready(self)
 
     def get_buffer(self, sizehint: int) -> memoryview:
@@ -115,11 +118,12 @@ class Session(asyncio.BufferedProtocol):
 
     def _peer_closed(self) -> bool:
         """Tell a client that closed from one that shut down its sending side only (POLLHUP, poll(2))."""
-        if self._transport is None:
-            return True
-        poll = select.poll()
-        poll.register(self._transport.get_extra_info("socket").fileno(), 0)
-        return any(event & select.POLLHUP for _, event in poll.poll(0))
+        if self._gone_since_s is None and self._transport is not None:
+            poll = select.poll()
+            poll.register(self._transport.get_extra_info("socket").fileno(), 0)
+            if any(event & select.POLLHUP for _, event in poll.poll(0)):
+                self._gone_since_s = self._loop.time()
+        return self._transport is None or self._gone_since_s is not None
 
     def work(self) -> bool:
         """Do one line, or read on; tell whether anything was done."""
@@ -197,15 +201,17 @@ class Session(asyncio.BufferedProtocol):
         if self._transport is not None:
             self._stuck_since_s = self._stuck_since_s or self._loop.time()
             self._transport.close()
-            return
-        if self._rest is not None:
-            self._rest.close()
-        self._host.closed(self)
+        else:
+            self._leave()
 
     def check(self) -> None:
-        """Cut the client off if it has not been reading for too long."""
-        if self._stuck_since_s is not None and self._loop.time() - self._stuck_since_s > PATIENCE_S:
+        """Cut the client off if it has not been reading, or has been gone, for too long: requests must not be stale."""
+        now_s = self._loop.time()
+        if self._stuck_since_s is not None and now_s - self._stuck_since_s > PATIENCE_S:
             self._cut_off()
+        elif self._peer_closed() and self._gone_since_s is not None and now_s - self._gone_since_s > LEFT_S:
+            log.warning("client_left_requests", pid=self.caller.pid, uid=self.caller.uid)
+            self.abort()
         elif self._ended:
             self._hung_up = self._peer_closed()
             self._host.ready(self)
@@ -219,3 +225,10 @@ class Session(asyncio.BufferedProtocol):
         self._closing = True
         if self._transport is not None:
             self._transport.abort()
+        else:
+            self._leave()
+
+    def _leave(self) -> None:
+        if self._rest is not None:
+            self._rest.close()
+        self._host.closed(self)

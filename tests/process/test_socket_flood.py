@@ -62,7 +62,7 @@ async def phase(daemon: Child, flight: FlightClient, side: Side, *, flood: bool)
     """Fly on for a while; a modest client asks now and then how things are."""
     assert daemon.socket is not None
     pid = daemon.process.pid
-    cpu_s, begin_s = cpu_of(pid), time.monotonic()
+    cpu_s, begin_s, descriptors = cpu_of(pid), time.monotonic(), descriptors_of(pid)
     flooding = None
     if flood:
         command = [str(SUPPORT / "request_flood.py"), str(daemon.socket), str(RATE_HZ), str(PHASE_S)]
@@ -83,8 +83,16 @@ async def phase(daemon: Child, flight: FlightClient, side: Side, *, flood: bool)
         offered, taken, answered = json.loads((await flooding.communicate())[0])
         assert 0 < answered <= taken <= offered
         side.offered, side.answered = side.offered + offered, side.answered + answered
-        await asyncio.sleep(0.5)
+        await given_back(pid, descriptors)
     side.descriptors = descriptors_of(pid)
+
+
+async def given_back(pid: int, descriptors: int) -> None:
+    """What the flood has sent is still done for a while after it was ended."""
+    for _ in range(100):
+        if descriptors_of(pid) <= descriptors:
+            return
+        await asyncio.sleep(0.1)
 
 
 def still_flying(state: str, daemon: Child) -> None:

@@ -214,6 +214,27 @@ async def test_what_a_subscriber_that_does_not_read_sent_before_it_closed_is_don
                 await settle(other)
 
 
+@pytest.mark.parametrize("after_s", [-1.0, 60.0])
+async def test_what_a_client_that_is_gone_has_left_grows_stale(path, monkeypatch, after_s):
+    monkeypatch.setattr(session_module, "LEFT_S", after_s)
+    async with serving(path) as daemon, raw(path) as other:
+        client = socket.socket(socket.AF_UNIX)
+        client.connect(str(path))
+        await settle(other)
+        (gone,) = (session for session in daemon.server._sessions if session.caller.connection == 2)
+        monkeypatch.setattr(gone, "in_flight", session_module.MAX_IN_FLIGHT)
+        client.sendall(json.dumps(request("vehicle.hold")).encode() + b"\n")
+        client.close()
+        await settle(other)
+        gone.check()
+        gone.in_flight = 0
+        daemon.server.ready(gone)
+        async with asyncio.timeout(20):
+            while len(daemon.server._sessions) > 1:
+                await settle(other)
+        assert [name for name, _ in daemon.calls] == (["hold"] if after_s > 0.0 else [])
+
+
 async def test_half_closed_client_gets_its_replies_and_then_the_end(path):
     async with serving(path), raw(path) as client:
         client.writer.write(json.dumps(request("status.get")).encode())
