@@ -6,9 +6,11 @@ import re
 import signal
 import sys
 from collections.abc import Awaitable, Callable, Mapping
+from contextlib import AsyncExitStack, suppress
 from enum import IntEnum
 from math import isfinite
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, NoReturn, TypeVar
 
 import typer
@@ -24,6 +26,7 @@ from daemon.goals.client_errors import (
     RequestError,
     RequestTimedOutError,
     SocketNotPermittedError,
+    WrongStateError,
 )
 from daemon.goals.goal import Result
 
@@ -138,23 +141,47 @@ def missing(error: ModuleNotFoundError) -> str | None:
     return f"this needs {package}: in a clone of flightd, {sys.executable} -m pip install '.[{EXTRAS[package]}]'"
 
 
-ADVICE = {
-    "no autopilot": "no autopilot is connected: check the cable and `flightd doctor`",
-    "engage": "the vehicle has to be in the air and in Hold: `flightd status` tells how it is",
-    "pilot": "a pilot or the autopilot has the vehicle: put it in Hold, then `flightd engage`",
-    "disconnected": "no autopilot is connected: check the cable and `flightd doctor`",
-    "standby": "the vehicle is on the ground: `flightd takeoff 5` first",
+class SilentDaemonError(NoDaemonError):
+    """A daemon is there and does not answer."""
+
+
+ANSWER_S = 5.0
+GOES_ON = "interrupted; what was asked for goes on (`flightd hold` ends it)"
+
+# What to do next where a request was not possible in a state of the daemon's.
+UNCONNECTED = {"disconnected": "check the cable; `flightd doctor` tells more"}
+UNENGAGED = UNCONNECTED | {
+    "standby": "`flightd takeoff 5` takes off",
+    "ready": "to be taken the vehicle has to be in the air and in Hold; `flightd hold` asks for Hold",
+    "pilot": "`flightd engage` takes the vehicle when it is in Hold",
+    "fault": "`flightd engage` takes the vehicle when it is in Hold",
 }
 
 
 def run(
-    work: Callable[[FlightClient], Awaitable[T]], socket: Path | None, as_json: bool, reconnect_s: float = 0.0
+    work: Callable[[FlightClient], Awaitable[T]],
+    socket: Path | None,
+    as_json: bool,
+    reconnect_s: float = 0.0,
+    next_steps: Mapping[str, str] = MappingProxyType({}),
+    interrupted: Callable[[], str] = lambda: GOES_ON,
 ) -> T:
-    """Do work with a client; errors of the daemon become a sentence and an exit code."""
+    """Do work with a client; errors of the daemon become a sentence and an exit code.
+
+    ``next_steps``: what to do, by the daemon's state, when the work is not possible in it. ``interrupted``: what to say
+    after a Ctrl-C.
+    """
 
     async def session() -> T:
-        async with FlightClient(socket, reconnect_s=reconnect_s) as flight:
-            return await work(flight)
+        async with AsyncExitStack() as stack:
+            flight = await connected(stack, socket, reconnect_s)
+            listening = asyncio.create_task(_tell_of_silence(flight))
+            stack.callback(listening.cancel)
+            try:
+                return await work(flight)
+            except WrongStateError as error:
+                step = await _next_step(flight, {} if superseded(error) else next_steps)
+                raise WrongStateError(error.code, f"{error}{step}", error.field, error.reason) from None
 
     try:
         return asyncio.run(session())
@@ -168,23 +195,63 @@ def run(
         text = f"{error}; it may still take effect: `flightd status` tells"
         fail(Exit.ABORTED, text, as_json, code=int(error.code), field=error.field)
     except RequestError as error:
-        fail(_refusal_exit(error), _with_advice(error), as_json, code=int(error.code), field=error.field)
+        code = Exit.PREEMPTED if superseded(error) else Exit.REFUSED
+        fail(code, str(error), as_json, code=int(error.code), field=error.field)
     except ConnectionLostError as error:
         fail(Exit.NO_DAEMON, str(error), as_json)
     except FlightError as error:
         fail(Exit.ABORTED, str(error), as_json)
     except KeyboardInterrupt:
-        fail(Exit.INTERRUPTED, "interrupted; what was asked for goes on (`flightd hold` ends it)", as_json)
+        fail(Exit.INTERRUPTED, interrupted(), as_json)
 
 
-def _refusal_exit(error: RequestError) -> Exit:
-    return Exit.PREEMPTED if "superseded" in error.reason else Exit.REFUSED
+async def connected(stack: AsyncExitStack, socket: Path | None, reconnect_s: float) -> FlightClient:
+    """A client that is connected until the stack ends. Raises ``FlightError``."""
+    flight = FlightClient(socket, reconnect_s=reconnect_s)
+    return await answered(stack.enter_async_context(flight), flight)
 
 
-def _with_advice(error: RequestError) -> str:
-    text = str(error)
-    advice = next((advice for word, advice in ADVICE.items() if word in error.reason.lower()), None)
-    return f"{text}\n{advice}" if advice is not None else text
+async def answered(question: Awaitable[T], flight: FlightClient) -> T:
+    """What the daemon answers to a question that it answers at once. Raises ``SilentDaemonError``."""
+    try:
+        return await asyncio.wait_for(question, ANSWER_S)
+    except TimeoutError:
+        hint = "it is stopped or overloaded; its log and `systemctl status flightd` tell more"
+        raise SilentDaemonError(f"the daemon at {flight.socket_path} does not answer: {hint}") from None
+
+
+def ask(
+    question: Callable[[FlightClient], Awaitable[T]], socket: Path | None, as_json: bool, reconnect_s: float = 0.0
+) -> T:
+    """The answer to a question that the daemon answers at once; as `run`."""
+    return run(lambda flight: answered(question(flight), flight), socket, as_json, reconnect_s)
+
+
+async def _tell_of_silence(flight: FlightClient) -> None:
+    """Ask the daemon from time to time whether it is there, and say so when it does not answer."""
+    text = "the daemon does not answer yet; Ctrl-C ends the waiting"
+    with suppress(FlightError):
+        while True:
+            telling = asyncio.get_running_loop().call_later(ANSWER_S, note, text)
+            try:
+                await flight.info()
+            finally:
+                telling.cancel()
+            await asyncio.sleep(ANSWER_S)
+
+
+def superseded(error: RequestError) -> bool:
+    """Tell whether a newer request came in between."""
+    return isinstance(error, WrongStateError) and error.reason.startswith("superseded by")
+
+
+async def _next_step(flight: FlightClient, next_steps: Mapping[str, str]) -> str:
+    """A line for the daemon's state, or nothing."""
+    if next_steps:
+        with suppress(FlightError):
+            state = (await answered(flight.status(), flight))["state"]
+            return f"\n{next_steps[state]}" if state in next_steps else ""
+    return ""
 
 
 def exit_with(result: Result) -> NoReturn:

@@ -1,5 +1,6 @@
 """`flightd doctor`: checks an installation and says how to mend what is wrong."""
 
+import asyncio
 import os
 import platform
 import resource
@@ -7,18 +8,20 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import AsyncExitStack, suppress
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import cast
 
 import typer
 
-from daemon.cli.common import JsonOption, SocketOption, examples, say, say_json
+from daemon.cli.common import JsonOption, SilentDaemonError, SocketOption, answered, connected, examples, say, say_json
 from daemon.cli.daemon_commands import ConfigFiles
 from daemon.cli.output import colours
 from daemon.goals.client import FlightClient
-from daemon.goals.client_errors import FlightError
+from daemon.goals.client_errors import FlightError, RequestError
 from daemon.goals.results import HealthTelemetry, SystemInfo
 
 IMPORT_TIMEOUT_S = 30.0
@@ -69,25 +72,77 @@ def check_mavsdk() -> Finding:
     return Finding(Level.GOOD, "MAVSDK", text)
 
 
-def check_connection(files: list[Path]) -> Finding:
-    """The configured connection; for a serial one whether its port may be opened."""
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What the running daemon answered; ``silence``: why it did not."""
+
+    silence: FlightError | None = None
+    info: SystemInfo | None = None
+    connection: str | None = None
+    health: HealthTelemetry | None = None
+    period_ms: float = 0.0
+
+    @property
+    def connected(self) -> bool:
+        """Tell whether it hears its autopilot."""
+        return self.health is not None and self.health["autopilot"]["connected"]
+
+
+def ask_daemon(socket: Path | None) -> Asked:
+    """Ask the running daemon; each question has its time."""
+
+    async def ask() -> Asked:
+        async with AsyncExitStack() as stack:
+            flight = await connected(stack, socket, 0.0)
+            info = await answered(flight.info(), flight)
+            connection = None
+            with suppress(RequestError):
+                connection = str((await answered(flight.get_config("link.connection"), flight))["value"])
+            status = await answered(flight.status(), flight)
+            health = await _health(flight)
+            return Asked(None, info, connection, health, status["loops"]["control"]["period_p99_ms"])
+
+    try:
+        return asyncio.run(ask())
+    except FlightError as error:
+        return Asked(error)
+
+
+async def _health(flight: FlightClient) -> HealthTelemetry | None:
+    stream = flight.telemetry("health", rate_hz=5.0)
+    try:
+        return cast(HealthTelemetry, (await asyncio.wait_for(anext(stream), ANSWER_TIMEOUT_S)).data)
+    except TimeoutError:
+        return None
+
+
+def check_connection(files: list[Path], asked: Asked) -> Finding:
+    """The connection of the running daemon, else the configured one; for a serial one whether its port is good."""
     from daemon.config import ConfigError, load
 
     try:
-        url = load(files).link.connection
+        url = asked.connection or load(files).link.connection
     except ConfigError as error:
         return Finding(Level.BAD, "configuration", str(error), "flightd check-config names each mistake")
+    whose = "of the running daemon" if asked.connection else f"of {', '.join(map(str, files)) or 'the defaults'}"
     if not url.startswith("serial"):
-        return Finding(Level.GOOD, "connection", f"{url} (not serial)")
+        return Finding(Level.GOOD, "connection", f"{url} ({whose}, not serial)")
     port = Path(url.split("://", 1)[-1].rsplit(":", 1)[0])
+    shown = f"{port} ({whose})"
+    if asked.connected:
+        return Finding(Level.GOOD, "serial port", f"{shown}, the autopilot is heard")
     if not port.exists():
-        return Finding(Level.BAD, "serial port", f"there is no {port}", "check the cable, or set link.connection")
-    if not os.access(port, os.R_OK | os.W_OK):
-        group = port.group()
-        return Finding(
-            Level.BAD, "serial port", f"{port} may not be opened", f"sudo usermod -aG {group} $USER, log in again"
-        )
-    return Finding(Level.GOOD, "serial port", str(port))
+        return Finding(Level.BAD, "serial port", f"there is no {shown}", "check the cable, or set link.connection")
+    if not _is_terminal(port.resolve()):
+        return Finding(Level.BAD, "serial port", f"{shown} is no serial port", "set link.connection")
+    if asked.silence is not None and not os.access(port, os.R_OK | os.W_OK):
+        mend = f"sudo usermod -aG {port.group()} $USER, log in again; the service has rights of its own"
+        return Finding(Level.BAD, "serial port", f"{shown} may not be opened by this user", mend)
+    return Finding(Level.GOOD, "serial port", shown)
+
+
+def _is_terminal(device: Path) -> bool:
+    return (Path("/sys/class/tty") / device.name).exists() or device.parent == Path("/dev/pts")
 
 
 def check_clock() -> Finding:
@@ -108,9 +163,9 @@ def check_realtime() -> Finding:
     """Rights to run before everything else and to keep the memory in place."""
     priority, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
     if os.geteuid() == 0 or priority != 0:
-        return Finding(Level.GOOD, "real-time rights", "granted")
-    mend = "run as the service, or set LimitRTPRIO=50 and LimitMEMLOCK=infinity (docs: systemd/)"
-    return Finding(Level.WARNING, "real-time rights", "none for this user", mend)
+        return Finding(Level.GOOD, "real-time rights", "granted to this user")
+    mend = "run the daemon as the service, which has its own, or raise rtprio and memlock in limits.conf"
+    return Finding(Level.WARNING, "real-time rights", "this user has none", mend)
 
 
 def check_governor() -> Finding:
@@ -122,34 +177,13 @@ def check_governor() -> Finding:
     return Finding(Level.GOOD, "CPU governor", governor)
 
 
-async def _ask(flight: FlightClient) -> tuple[SystemInfo, HealthTelemetry | None]:
-    import asyncio
-
-    info = await flight.info()
-    stream = flight.telemetry("health", rate_hz=5.0)
-    try:
-        return info, (await asyncio.wait_for(anext(stream), ANSWER_TIMEOUT_S)).data
-    except TimeoutError:
-        return info, None
-    finally:
-        await stream.aclose()  # type: ignore[attr-defined]
-
-
-def check_daemon(socket: Path | None) -> Iterator[Finding]:
+def check_daemon(asked: Asked) -> Iterator[Finding]:
     """The running daemon: its socket, the autopilot, and what it warns of (streams, parameters)."""
-    import asyncio
-
-    async def ask() -> tuple[SystemInfo, HealthTelemetry | None, float]:
-        async with FlightClient(socket, reconnect_s=0.0) as flight:
-            info, health = await _ask(flight)
-            return info, health, (await flight.status())["loops"]["control"]["period_p99_ms"]
-
-    try:
-        info, health, period_ms = asyncio.run(ask())
-    except FlightError as error:
-        yield Finding(
-            Level.WARNING, "daemon", str(error), "without a running daemon autopilot and streams go unchecked"
-        )
+    info, health = asked.info, asked.health
+    if info is None:
+        level = Level.BAD if isinstance(asked.silence, SilentDaemonError) else Level.WARNING
+        mend = "without its answers autopilot and streams go unchecked"
+        yield Finding(level, "daemon", str(asked.silence), mend)
         return
     yield Finding(Level.GOOD, "daemon", f"{info['name']} {info['version']}, protocol {info['protocol']}")
     if health is None:
@@ -162,16 +196,21 @@ def check_daemon(socket: Path | None) -> Iterator[Finding]:
         return
     yield Finding(Level.GOOD, "autopilot", f"connected, {health['autopilot']['mode']}")
     for reason in health["reasons"][1:]:
-        yield Finding(Level.WARNING, reason["code"], reason["text"])
-    late = period_ms > LATE_PERIOD_MS
+        text = reason["text"].removeprefix(reason["code"]).lstrip()
+        yield Finding(Level.WARNING, reason["code"], text)
+    late = asked.period_ms > LATE_PERIOD_MS
     mend = "look at the CPU load; grant real-time rights" if late else ""
-    yield Finding(Level.WARNING if late else Level.GOOD, "control loop", f"period p99 {period_ms:.1f} ms", mend)
+    yield Finding(Level.WARNING if late else Level.GOOD, "control loop", f"period p99 {asked.period_ms:.1f} ms", mend)
 
 
 def doctor(config: ConfigFiles = None, as_json: JsonOption = False, socket: SocketOption = None) -> None:
-    """Check this installation and say how to mend what is wrong. Exit code 1 if something is bad."""
-    findings = [check_python(), check_mavsdk(), check_connection(config or []), check_clock(), check_realtime()]
-    findings += [check_governor(), *check_daemon(socket)]
+    """Check this installation and the running daemon, and say how to mend what is wrong.
+
+    The connection is the running daemon's; without a daemon it is that of --config.
+    """
+    asked = ask_daemon(socket)
+    findings = [check_python(), check_mavsdk(), check_connection(config or [], asked), check_clock()]
+    findings += [check_realtime(), check_governor(), *check_daemon(asked)]
     if as_json:
         say_json([asdict(finding) for finding in findings])
     else:

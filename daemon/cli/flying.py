@@ -7,11 +7,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Protocol
 
-from daemon.cli.common import exit_with, note, on_interrupt, run, say, say_json
+from daemon.cli.common import GOES_ON, UNENGAGED, exit_with, note, on_interrupt, run, say, say_json
 from daemon.cli.output import on_terminal
 from daemon.goals.client import FlightClient
 from daemon.goals.client_errors import FlightError
 from daemon.goals.goal import Feedback, Goal, Result
+from daemon.safety.reasons import REASONS
 
 RECONNECT_S = 10.0
 Submit = Callable[[FlightClient], Awaitable[Goal]]
@@ -31,9 +32,44 @@ class Silence:
         """Show nothing."""
 
 
+class _Interrupt:
+    """The first Ctrl-C: it cancels the goal."""
+
+    def __init__(self) -> None:
+        self.came = asyncio.Event()
+        self.canceling = False
+
+    def begin(self) -> None:
+        """It is here."""
+        note("canceling; the vehicle brakes and holds")
+        self.came.set()
+
+    def in_words(self) -> str:
+        """What a second one leaves behind."""
+        return "interrupted; the cancel was sent, `flightd status` tells how it went" if self.canceling else GOES_ON
+
+    async def cancel(self, goal: Goal) -> None:
+        """Cancel the goal when it comes."""
+        await self.came.wait()
+        self.canceling = True
+        try:
+            await goal.cancel()
+        except FlightError as error:
+            if not goal.done:
+                note(f"could not cancel: {error}; `flightd hold` releases the vehicle")
+
+
 def fly(submit: Submit, socket: Path | None, as_json: bool) -> None:
     """Submit a goal, show how it goes, leave with the exit code of its outcome."""
-    result = run(lambda flight: _follow(flight, submit, as_json), socket, as_json, RECONNECT_S)
+    interrupt = _Interrupt()
+    result = run(
+        lambda flight: _follow(flight, submit, interrupt, as_json),
+        socket,
+        as_json,
+        RECONNECT_S,
+        UNENGAGED,
+        interrupt.in_words,
+    )
     if as_json:
         say_json(asdict(result))
     else:
@@ -41,11 +77,10 @@ def fly(submit: Submit, socket: Path | None, as_json: bool) -> None:
     exit_with(result)
 
 
-async def _follow(flight: FlightClient, submit: Submit, as_json: bool) -> Result:
-    interrupted = asyncio.Event()
-    on_interrupt(interrupted.set)  # before the goal exists: an interrupt while it is being submitted counts
+async def _follow(flight: FlightClient, submit: Submit, interrupt: _Interrupt, as_json: bool) -> Result:
+    on_interrupt(interrupt.begin)  # before the goal exists: an interrupt while it is being submitted counts
     goal = await submit(flight)
-    canceling = asyncio.create_task(_cancel_when(interrupted, goal))
+    canceling = asyncio.create_task(interrupt.cancel(goal))
     try:
         with _line(as_json) as line:
             async for feedback in goal:
@@ -53,16 +88,6 @@ async def _follow(flight: FlightClient, submit: Submit, as_json: bool) -> Result
         return await goal
     finally:
         canceling.cancel()
-
-
-async def _cancel_when(interrupted: asyncio.Event, goal: Goal) -> None:
-    await interrupted.wait()
-    note("canceling; the vehicle brakes and holds")
-    try:
-        await goal.cancel()
-    except FlightError as error:
-        if not goal.done:
-            note(f"could not cancel: {error}; `flightd hold` releases the vehicle")
 
 
 def _line(as_json: bool) -> AbstractContextManager[Line]:
@@ -95,5 +120,12 @@ def in_words(result: Result) -> str:
     if result.by is not None:
         text += f"; by {result.by}"
     if result.reason is not None:
-        text += f"; {result.reason}"
+        text += f": {reason_in_words(result.reason)}"
+    if result.outcome == "aborted":
+        text += "\n`flightd status` tells how the vehicle is now"
     return text
+
+
+def reason_in_words(reason: str) -> str:
+    """Why a goal ended."""
+    return f"{REASONS[reason]} ({reason})" if reason in REASONS else reason

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from daemon.cli.common import MINUS as HIDDEN_MINUS
-from daemon.cli.common import JsonOption, NumbersCommand, SocketOption, examples, run, say, say_json
+from daemon.cli.common import JsonOption, NumbersCommand, SocketOption, ask, examples, run, say, say_json
 from daemon.goals.results import Setting, SettingValue
 
 PathArgument = Annotated[str, typer.Argument(metavar="PATH", help="Dotted path, such as guidance.limits.speed_m_s.")]
@@ -14,7 +14,7 @@ PathArgument = Annotated[str, typer.Argument(metavar="PATH", help="Dotted path, 
 
 def get(path: PathArgument, as_json: JsonOption = False, socket: SocketOption = None) -> None:
     """Show a setting, its range and its unit."""
-    _show(run(lambda flight: flight.get_config(path), socket, as_json), as_json)
+    _show(ask(lambda flight: flight.get_config(path), socket, as_json), as_json)
 
 
 def change(

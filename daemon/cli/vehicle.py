@@ -1,18 +1,35 @@
 """Commands to the vehicle, and its status."""
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from daemon.cli.common import JsonOption, NumbersCommand, SocketOption, examples, number, run, say, say_json
+from daemon.cli.common import (
+    UNCONNECTED,
+    UNENGAGED,
+    JsonOption,
+    NumbersCommand,
+    SocketOption,
+    ask,
+    examples,
+    number,
+    run,
+    say,
+    say_json,
+)
 from daemon.goals.client import FlightClient
 from daemon.goals.results import Status, VehicleDone
 
 
-def _do(request: Callable[[FlightClient], Awaitable[VehicleDone]], socket: Path | None, as_json: bool) -> None:
-    done = run(request, socket, as_json)
+def _do(
+    request: Callable[[FlightClient], Awaitable[VehicleDone]],
+    socket: Path | None,
+    as_json: bool,
+    next_steps: Mapping[str, str] = UNCONNECTED,
+) -> None:
+    done = run(request, socket, as_json, next_steps=next_steps)
     if as_json:
         say_json(dict(done))
     else:
@@ -22,7 +39,7 @@ def _do(request: Callable[[FlightClient], Awaitable[VehicleDone]], socket: Path 
 
 def status(as_json: JsonOption = False, socket: SocketOption = None) -> None:
     """Show how the vehicle, the goal and the loops are."""
-    found = run(lambda flight: flight.status(), socket, as_json)
+    found = ask(lambda flight: flight.status(), socket, as_json)
     if as_json:
         say_json(dict(found))
     else:
@@ -76,7 +93,7 @@ def takeoff(
 
 def engage(as_json: JsonOption = False, socket: SocketOption = None) -> None:
     """Take the vehicle from the autopilot's Hold."""
-    _do(lambda flight: flight.engage(), socket, as_json)
+    _do(lambda flight: flight.engage(), socket, as_json, UNENGAGED)
 
 
 def hold(as_json: JsonOption = False, socket: SocketOption = None) -> None:

@@ -18,6 +18,7 @@ from daemon.cli.common import (
     say,
     say_json,
 )
+from daemon.cli.flying import reason_in_words
 from daemon.cli.output import lost, on_terminal
 from daemon.goals.client import FlightClient, Telemetry
 from daemon.goals.results import (
@@ -78,7 +79,8 @@ def event_line(event: EventTelemetry) -> str:
 
 def result_line(record: GoalRecord) -> str:
     """A goal's end for people."""
-    return f"{record['goal_id']} {record['outcome']}" + (f": {record['reason']}" if record["reason"] else "")
+    reason = f": {reason_in_words(record['reason'])}" if record["reason"] else ""
+    return f"{record['goal_id']} {record['outcome']}{reason}"
 
 
 def rows(picture: Picture) -> list[tuple[str, str]]:
@@ -152,9 +154,11 @@ def watch(as_json: JsonOption = False, socket: SocketOption = None) -> None:
 
     async def work(flight: FlightClient) -> None:
         task = asyncio.ensure_future(_lines(flight, as_json) if as_json or not on_terminal() else _live(flight))
-        on_interrupt(task.cancel)
-        await asyncio.wait([task])
-        if not task.cancelled():
+        stopped = asyncio.Event()
+        on_interrupt(stopped.set)
+        stopping = asyncio.ensure_future(stopped.wait())
+        await asyncio.wait([task, stopping], return_when=asyncio.FIRST_COMPLETED)
+        if task.done():
             task.result()
 
     if lost():

@@ -1,4 +1,4 @@
-"""The supervisor's reasons in words."""
+"""The reasons of the supervisor, and of goals that end, in words."""
 
 REASONS = {
     "start": "the daemon has just started",
@@ -31,4 +31,14 @@ REASONS = {
     "goal": "a goal is being flown",
     "no_goal": "the vehicle holds its place",
     "taken_off": "the vehicle has taken off and is in Hold",
+    # of goals only
+    "timeout": "it took longer than its time limit",
+    "stream_timeout": "no reference came from its client in time",
+    "not_followed": "the vehicle could not keep up; fly slower, or look for wind, load and gains",
+    "stopping": "the daemon was told to stop",
+    "task_failed": "a part of the daemon failed; its log says which",
+    "vehicle.hold": "Hold was asked for",
+    "vehicle.land": "a landing was asked for",
+    "vehicle.return": "the return was asked for",
+    "vehicle.takeoff": "a take-off was asked for",
 }

@@ -2,6 +2,7 @@ import json
 import subprocess
 import sys
 from importlib.metadata import version
+from pathlib import Path
 
 import pytest
 from fake_flight import serving_in_thread
@@ -12,6 +13,7 @@ from daemon.cli.commands import COMMANDS, build
 from daemon.cli.settings import parse_value
 from daemon.cli.watch import Picture, rows
 from daemon.goals.client import Telemetry
+from daemon.goals.client_errors import NoDaemonError
 
 
 def test_path_takes_threes_of_numbers(flightd, path):
@@ -98,16 +100,16 @@ def test_live_view_shows_error_goal_and_events():
     ended = {"goal_id": "g-1", "outcome": "aborted", "reason": "timeout", "notification": "goal.result"}
     picture.take(Telemetry("goal", ended))
     assert "goal" not in dict(rows(picture))
-    assert picture.recent[-1] == "g-1 aborted: timeout"
+    assert picture.recent[-1] == "g-1 aborted: it took longer than its time limit (timeout)"
 
 
 def test_doctor_names_what_is_wrong_and_how_to_mend_it(tmp_path, monkeypatch):
     config = tmp_path / "c.yaml"
     config.write_text("link:\n  connection: serial:///dev/nowhere:921600\n")
-    found = doctor.check_connection([config])
-    assert (found.level, found.text) == ("bad", "there is no /dev/nowhere") and found.mend
+    found = doctor.check_connection([config], doctor.Asked())
+    assert (found.level, found.text) == ("bad", f"there is no /dev/nowhere (of {config})") and found.mend
     config.write_text("link:\n  connexion: 3\n")
-    assert doctor.check_connection([config]).level == "bad"
+    assert doctor.check_connection([config], doctor.Asked()).level == "bad"
     monkeypatch.setattr(doctor, "version", lambda name: "4.1.0")
     monkeypatch.setattr(sys, "executable", "/bin/false")
     assert doctor.check_mavsdk().level == "bad"
@@ -120,8 +122,36 @@ def test_doctor_without_a_daemon_warns_and_with_one_asks_it(flightd, path, monke
     assert {"level": "warning", "name": "daemon"}.items() <= findings[-1].items()
     monkeypatch.setattr(doctor, "ANSWER_TIMEOUT_S", 0.01)
     with serving_in_thread(path):
-        found = {finding.name: finding.level for finding in doctor.check_daemon(path)}
+        found = {finding.name: finding.level for finding in doctor.check_daemon(doctor.ask_daemon(path))}
     assert found == {"daemon": "good", "autopilot": "bad"}
+
+
+def _serial(device="/dev/ttyS0", **more):
+    return doctor.check_connection([], doctor.Asked(connection=f"serial://{device}:57600", **more))
+
+
+def test_doctor_judges_the_port_of_the_daemon_and_not_the_rights_of_whoever_asks(monkeypatch):
+    monkeypatch.setattr("os.access", lambda *_args: False)
+    monkeypatch.setattr(Path, "exists", lambda _path: True)
+    monkeypatch.setattr(Path, "group", lambda _path: "dialout")
+    heard = {"autopilot": {"connected": True}}
+    assert _serial(health=heard).level == "good"
+    assert "of the running daemon" in _serial(health=heard).text
+    assert _serial().level == "good"  # the daemon's rights are not this user's
+    alone = _serial(silence=NoDaemonError("none"))
+    assert (alone.level, "usermod -aG dialout" in alone.mend) == ("bad", True)
+
+
+def test_doctor_knows_what_is_no_serial_port():
+    assert (_serial("/dev/null").level, "is no serial port" in _serial("/dev/null").text) == ("bad", True)
+
+
+def test_doctor_names_a_parameter_once():
+    reasons = [{"code": "taken_off", "text": "it has"}, {"code": "COM_X", "text": "COM_X is 1: set 3"}]
+    health = {"autopilot": {"connected": True, "mode": "hold"}, "reasons": reasons}
+    info = {"name": "flightd", "version": "1", "protocol": 1}
+    found = {finding.name: finding.text for finding in doctor.check_daemon(doctor.Asked(info=info, health=health))}
+    assert found["COM_X"] == "is 1: set 3"
 
 
 def test_each_command_is_in_the_module_that_the_table_names():
