@@ -133,11 +133,15 @@ class Control(Section):
 
     @model_validator(mode="after")
     def _hovers(self) -> "Control":
+        """`control.thrust_min` and `thrust_max` leave a tenth of `hover_thrust` below and above it."""
         require_hover(self, DEFAULT_HOVER_THRUST if self.hover_thrust is None else self.hover_thrust)
         return self
 
     @model_validator(mode="after")
     def _stable(self) -> "Control":
+        """`control.position_gain_1_s2` and `velocity_gain_1_s` must not swing with `attitude_time_constant_s`,
+        `rate_lag_s` and `thrust_lag_s`: v (1 - v T) > p t, and down v > p T ([why](control.md#limits-limitspy)).
+        """
         require_stable(self)
         return self
 
@@ -181,6 +185,7 @@ class Estimator(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> "Estimator":
+        """`estimator.external_pose` other than off needs `kind` ekf or ukf."""
         if self.external_pose != "off" and self.kind == "autopilot":
             raise ValueError(f"external_pose {self.external_pose!r} needs kind ekf or ukf")
         return self
@@ -199,6 +204,7 @@ class Fence(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> "Fence":
+        """`safety.fence.floor_m` is below `ceiling_m`, and `polygon_ne_m` is empty or has three corners or more."""
         if self.floor_m >= self.ceiling_m:
             raise ValueError(f"floor_m {self.floor_m:g} is not below ceiling_m {self.ceiling_m:g}")
         if 0 < len(self.polygon_ne_m) < 3:
@@ -222,6 +228,7 @@ class Safety(Section):
 
     @model_validator(mode="after")
     def _ordered(self) -> "Safety":
+        """`safety.coast_s` is below `lost_s`, `dead_man_level_s` below `dead_man_latch_s`."""
         if self.coast_s >= self.lost_s:
             raise ValueError(f"coast_s {self.coast_s:g} is not below lost_s {self.lost_s:g}")
         if self.dead_man_level_s >= self.dead_man_latch_s:
@@ -253,6 +260,7 @@ class Recording(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> "Recording":
+        """`recording.max_file_mb` is below `keep_mb`."""
         if self.max_file_mb >= self.keep_mb:
             raise ValueError(f"max_file_mb {self.max_file_mb:g} is not below keep_mb {self.keep_mb:g}")
         return self
@@ -279,6 +287,7 @@ class Config(Section):
 
     @model_validator(mode="after")
     def _can_accelerate(self) -> "Config":
+        """`guidance.limits.acceleration_m_s2` needs no more tilt than `control.tilt_max_deg`."""
         acceleration_m_s2, tilt_deg = self.guidance.limits.acceleration_m_s2, self.control.tilt_max_deg
         needed_deg = degrees(atan2(acceleration_m_s2, GRAVITY_M_S2))
         if needed_deg > tilt_deg:
