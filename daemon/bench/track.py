@@ -136,7 +136,8 @@ class Run:
     after_wind_m: float | None
     step_p50_us: float
     lost: str | None
-    path: tuple[tuple[float, float], ...] = ()
+    path: tuple[tuple[float, float], ...] = ()  # north, east
+    wanted: tuple[tuple[float, float], ...] = ()
 
 
 def figures(manoeuvre: Manoeuvre, condition: Condition, contestant: Contestant, flown: Flown) -> Run:
@@ -169,6 +170,7 @@ def figures(manoeuvre: Manoeuvre, condition: Condition, contestant: Contestant, 
         step_p50_us=1e6 * quantile(flown.step_s, 0.5) if flown.step_s else float("nan"),
         lost=flown.lost,
         path=tuple((s.position_ned_m[0], s.position_ned_m[1]) for s in counted[::5]),
+        wanted=tuple((s.reference_ned_m[0], s.reference_ned_m[1]) for s in counted[::5]),
     )
 
 

@@ -11,10 +11,17 @@ _HEADER = (
     "manoeuvre", "condition", "contestant", "rms m", "max m", "true rms", "true max", "tilt deg", "remarks"
 )  # fmt: skip
 
+_LABELS = {
+    "flightd": "flightd",
+    "flightd_no_drag": "flightd, drag not configured",
+    "mavros": "mavros_controllers",
+    "px4": "PX4",
+}
+
 
 def as_json(runs: Iterable[Run]) -> list[dict[str, Any]]:
-    """One object a run: figures to the millimetre, without the path; null where there is no figure."""
-    return [{k: _rounded(v) for k, v in asdict(run).items() if k != "path"} for run in runs]
+    """One object a run: figures to the millimetre, without the paths; null where there is no figure."""
+    return [{k: _rounded(v) for k, v in asdict(run).items() if k not in ("path", "wanted")} for run in runs]
 
 
 def _rounded(value: Any) -> Any:
@@ -74,24 +81,34 @@ def picture(runs: list[Run]) -> bytes:
     names = list(dict.fromkeys(run.manoeuvre for run in shown))
     contestants = list(dict.fromkeys(run.contestant for run in runs))
     colours = dict(zip(contestants, (style.FLOWN, style.THIRD, style.WANTED, style.FOURTH), strict=False))
-    figure = style.figure(6.4)
+    figure = style.figure(7.4)
     with style.styled():
-        grid = figure.add_gridspec(2, max(1, len(names)), height_ratios=(1.0, 1.2))
+        grid = figure.add_gridspec(2, max(1, len(names)), height_ratios=(1.0, 1.0))
         for column, name in enumerate(names):
             axes = figure.add_subplot(grid[0, column])
             of_name = [run for run in shown if run.manoeuvre == name]
             condition = "noise" if any(run.condition == "noise" for run in of_name) else of_name[0].condition
-            for run in of_name:
-                if run.condition == condition:
-                    axes.plot(*_east_north(run), color=colours[run.contestant], linewidth=0.9, label=run.contestant)
-            axes.set(title=f"{name.replace('_', ' ')} m/s, {condition}", xlabel="east, m", ylabel="north, m")
+            flown = [run for run in of_name if run.condition == condition]
+            axes.plot(*_east_north(flown[0].wanted), color=style.MUTED, lw=4.0, alpha=0.35, label="reference")
+            for run in reversed(flown):  # the daemon's own on top
+                axes.plot(*_east_north(run.path), color=colours[run.contestant], lw=0.9)
+            axes.set(title=_words(name, condition), xlabel="east, m", ylabel="north, m")
             axes.set_aspect("equal")
+            if column == 0:
+                axes.legend(loc="upper right", bbox_to_anchor=(2.1, 1.0))
         _bars(figure.add_subplot(grid[1, :]), runs, contestants, colours)
     return style.png(figure)
 
 
-def _east_north(run: Run) -> tuple[list[float], list[float]]:
-    return [east for _, east in run.path], [north for north, _ in run.path]
+def _words(manoeuvre: str, condition: str) -> str:
+    """``lemniscate_5``, ``thrust_wrong``: lemniscate 5 m/s, thrust wrong."""
+    kind, _, number = manoeuvre.rpartition("_")
+    named = f"{kind} {number} m/s" if number.isdecimal() else manoeuvre
+    return f"{named}, {condition}".replace("_", " ")
+
+
+def _east_north(path: Iterable[tuple[float, float]]) -> tuple[list[float], list[float]]:
+    return [east for _, east in path], [north for north, _ in path]
 
 
 def _bars(axes: Any, runs: list[Run], contestants: list[str], colours: dict[str, str]) -> None:
@@ -101,9 +118,8 @@ def _bars(axes: Any, runs: list[Run], contestants: list[str], colours: dict[str,
     for i, contestant in enumerate(contestants):
         own = [(flights.index((r.manoeuvre, r.condition)), r.rms_m) for r in counted if r.contestant == contestant]
         places = [place + (i - 0.5 * (len(contestants) - 1)) * width for place, _ in own]
-        axes.bar(places, [value for _, value in own], width, color=colours[contestant], label=contestant)
-    axes.set_xticks(
-        range(len(flights)), [f"{m}, {c}" for m, c in flights], rotation=40.0, ha="right", rotation_mode="anchor"
-    )
+        axes.bar(places, [value for _, value in own], width, color=colours[contestant], label=_LABELS[contestant])
+    labels = [_words(*flight) for flight in flights]
+    axes.set_xticks(range(len(flights)), labels, rotation=40.0, ha="right", rotation_mode="anchor")
     axes.set_ylabel("RMS error, m")
     axes.legend()

@@ -73,14 +73,26 @@ def mark_events(axes: Axes, scene: Scene) -> None:
             axes.axvline(event["time_s"] - scene.zero_s, color=colour, lw=1.0, ls=(0, (1, 2)))
 
 
-def mark_targets(axes: Axes, scene: Scene) -> None:
-    """A numbered dot where each goal is, seen from above."""
+def mark_targets(axes: Any, scene: Scene, *, in_space: bool = False) -> None:
+    """A numbered dot where each goal is, seen from above or in space; hollow where the goal was not reached."""
     known = [i for i, goal in enumerate(scene.goals) if goal.target_ned_m is not None]
-    targets = [(scene.goals[i].target_ned_m or (0.0, 0.0, 0.0))[1::-1] for i in known]
-    axes.plot([east for east, _ in targets], [north for _, north in targets], "o", color=INK, ms=4)
-    for group in together(targets, TOUCHING * float(np.ptp(axes.dataLim.get_points(), axis=0).max())):
+    targets = [_place(scene.goals[i], in_space) for i in known]
+    for reached, name in ((True, "goal"), (False, "goal, not reached")):
+        dots = [p for p, i in zip(targets, known, strict=True) if (scene.goals[i].outcome == "succeeded") is reached]
+        if dots:
+            axes.plot(*zip(*dots, strict=True), "o", color=INK, mfc=INK if reached else "none", ms=4.5, label=name)
+    span = float(np.nanmax(np.ptp(scene.traces.position_m, axis=0)))
+    for group in together(targets, TOUCHING * span):
         text = numbered([known[i] for i in group])
-        axes.annotate(text, targets[group[0]], (5, 5), textcoords="offset points", color=INK)
+        if in_space:
+            axes.text(*targets[group[0]], f"  {text}", color=INK)
+        else:
+            axes.annotate(text, targets[group[0]], (5, 5), textcoords="offset points", color=INK)
+
+
+def _place(goal: GoalSummary, in_space: bool) -> tuple[float, ...]:
+    north, east, down = goal.target_ned_m or (0.0, 0.0, 0.0)
+    return (east, north, -down) if in_space else (east, north)
 
 
 def together(places: Sequence[Sequence[float]], apart: float) -> list[list[int]]:

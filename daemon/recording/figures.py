@@ -96,8 +96,8 @@ def timing(scene: Scene) -> Figure:
     t = scene.traces
     figure = style.figure(2.6)
     with style.styled():
-        for axes, values, title in zip(
-            figure.subplots(1, 2), (t.period_ms, t.age_ms), ("Control period, ms", "Age of the state, ms"), strict=True
+        for axes, values, name in zip(
+            figure.subplots(1, 2), (t.period_ms, t.age_ms), ("control period", "age of the state"), strict=True
         ):
             known = values[np.isfinite(values)]
             if not len(known):
@@ -111,7 +111,7 @@ def timing(scene: Scene) -> Figure:
                 note += ", grey: all that are longer"
             axes.axvline(float(np.percentile(known, 99)), color=FLOWN, lw=1.2)
             axes.annotate(note, (1.0, 1.02), xycoords="axes fraction", ha="right", color=MUTED)
-            axes.set(title=title, ylabel="ticks")
+            axes.set(xlabel=f"{name}, ms", ylabel="ticks")
             axes.grid(axis="x", visible=False)
     return figure
 

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from daemon.recording import style
 from daemon.recording.analysis import Array
-from daemon.recording.drawing import TOUCHING, Scene, mark_goals, mark_targets, numbered, together
-from daemon.recording.style import FLOWN, GRID, INK, WANTED, thinned
+from daemon.recording.drawing import Scene, mark_goals, mark_targets
+from daemon.recording.style import FLOWN, GRID, WANTED, thinned
 
 
 def path_3d(scene: Scene) -> Figure:
@@ -23,12 +23,7 @@ def path_3d(scene: Scene) -> Figure:
         ):
             step = max(1, len(path) // 1500)
             axes.plot(path[::step, 1], path[::step, 0], -path[::step, 2], color=colour, lw=width, label=name)
-        known = [i for i, goal in enumerate(scene.goals) if goal.target_ned_m is not None]
-        targets = [(e, n, -d) for n, e, d in (scene.goals[i].target_ned_m or (0.0, 0.0, 0.0) for i in known)]
-        for target in targets:
-            axes.scatter(*([value] for value in target), color=INK, s=22, depthshade=False)
-        for group in together(targets, TOUCHING * float(np.ptp(t.position_m, axis=0).max())):
-            axes.text(*targets[group[0]], f"  {numbered([known[i] for i in group])}", color=INK)
+        mark_targets(axes, scene, in_space=True)
         axes.set_xlabel("east, m")
         axes.set_ylabel("north, m")
         axes.set_zlabel("up, m")

@@ -61,7 +61,7 @@ def _colours(which: int) -> str:
 
 
 def _facts(found: Flight) -> str:
-    names = {"version": "version", "config_hash": "configuration", "flight": "flight"}
+    names = {"version": "version", "config_hash": "configuration"}
     return " · ".join(f"{label} {escape(str(found.about[key]))}" for key, label in names.items() if key in found.about)
 
 

@@ -154,7 +154,7 @@ def profiles() -> Figure:
     figure = style.figure(5.8)
     panels = figure.subplots(4, 2, sharey="row", sharex=True)
     for column, profile in enumerate(("jerk_limited", "reference_filter")):
-        flight = flown(moved, {"guidance": {"profile": profile, "natural_frequency_rad_s": 1.5}})
+        flight = flown(moved, {"guidance": {"profile": profile}})
         way = np.array(flight.truths)
         wanted = flight.wanted("position_ned_m")
         names = (("north, m", 0), ("east, m", 1))
@@ -170,8 +170,8 @@ def profiles() -> Figure:
         for row in panels:
             row[column].axvline(2.5, color=MUTED, lw=0.8, ls=(0, (4, 3)))
             row[column].label_outer()
-    panels[0][0].legend(loc="lower right")
-    panels[3][0].legend(loc="upper right", ncols=3, fontsize=8)
+    panels[0][1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
+    panels[3][1].legend(loc="lower right", ncols=3, fontsize=8)
     return figure
 
 
@@ -208,7 +208,9 @@ def trajectories() -> Figure:
             jerk = frames.norm((2.0, 1.0, -0.5))
             for one in candidates(flight.references[0], jerk, 1.2):
                 path = np.array([r.position_ned_m for r in one.outline(20)])
-                above.plot(path[:, 1], path[:, 0], color=THIRD, lw=1.6, ls=(0, (3, 2)), zorder=1)
+                above.plot(path[:, 1], path[:, 0], color=THIRD, lw=1.6, ls=(0, (3, 2)), zorder=1, label="candidates")
+            lines, names = above.get_legend_handles_labels()
+            above.legend(lines[-1:], names[-1:], loc="upper left")
     halves[0][0].legend(loc="center")
     return figure
 
@@ -270,9 +272,11 @@ def headings() -> Figure:
     angle, rate = figure.subplots(2, 1, sharex=True)
     wanted = np.degrees(np.unwrap(flight.wanted("yaw_rad")))
     over_time(angle, "heading, deg", flight, wanted, np.degrees(np.unwrap(flight.headings_rad)))
-    over_time(rate, "its rate, deg/s", flight, np.degrees(flight.wanted("yaw_rate_rad_s")))
-    angle.axhline(150.0, color=MUTED, lw=0.8, ls=(0, (4, 3)))
-    angle.axhline(240.0, color=MUTED, lw=0.8, ls=(0, (4, 3)))
+    over_time(rate, "heading rate,\ndeg/s", flight, np.degrees(flight.wanted("yaw_rate_rad_s")))
+    for wound_deg, goal in ((150.0, "goal: 150 deg"), (240.0, "goal: -120 deg")):
+        angle.axhline(wound_deg, color=MUTED, lw=0.8, ls=(0, (4, 3)))
+        angle.annotate(goal, (0.0, wound_deg), (3, 3), textcoords="offset points", color=MUTED, fontsize=8.5)
+    angle.set_ylim(-15.0, 280.0)
     angle.legend(loc="lower right")
     rate.set_xlabel("time, s")
     return figure

@@ -8,7 +8,7 @@ import pytest
 
 from daemon.recording import analysis, figures, flight, report, style, writer
 from daemon.recording.codec import RecordError
-from daemon.recording.drawing import numbered, together
+from daemon.recording.drawing import mark_targets, numbered, together
 from daemon.recording.recorder import Recorder, RecordingSettings
 from daemon.recording.topics import Step
 
@@ -86,6 +86,28 @@ def test_a_record_without_its_configuration_is_refused_in_words(record: Run) -> 
     found.about = {}
     with pytest.raises(RecordError, match="does not hold the configuration"):
         analysis.summary(found, analysis.traces(found), [])
+
+
+@pytest.mark.parametrize("in_space", [False, True])
+def test_a_goal_that_was_left_is_a_hollow_dot(record: Run, in_space: bool) -> None:
+    def notes(made: Recorder) -> None:
+        for goal_id, north_m, outcome in (("left", 9.0, "preempted"), ("reached", 4.0, "succeeded")):
+            made.goal("submitted", goal_id, {"waypoint": {"position": [north_m, 3.0, -5.0]}})
+            made.plan({"goal_id": goal_id, "spacing_s": 0.1, "positions_ned_m": [[north_m, 3.0, -5.0]]})
+            made.goal("ended", goal_id, {"outcome": outcome})
+
+    scene = report.scene_of(flight.load(record(100, notes=notes)))
+    axes = style.figure(4.0).add_subplot(projection="3d" if in_space else None)
+    mark_targets(axes, scene, in_space=in_space)
+    dots = {str(line.get_label()): line for line in axes.get_lines()}
+    assert dots["goal"].get_markerfacecolor() == style.INK
+    assert dots["goal, not reached"].get_markerfacecolor() == "none"
+    assert [text.get_text().strip() for text in axes.texts] == ["1", "2"]
+
+
+def test_the_page_names_the_flight_once(page: str) -> None:
+    (flight_id,) = re.findall("<title>Flight (.*)</title>", page)
+    assert page.count(flight_id) == 2  # and in the title of the window
 
 
 def test_resets_and_refusals_are_counted(tmp_path: Path, fly: Callable[..., None]) -> None:
