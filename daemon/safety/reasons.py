@@ -25,7 +25,7 @@ REASONS = {
     "tilt_excess": "the vehicle tilted too far",
     "speed_excess": "the vehicle became too fast",
     "geofence": "the vehicle left the hard fence",
-    "not_followed": "the vehicle did not keep to its place or path: the wind or its load asks for more than its limits",
+    "not_followed": "the vehicle did not keep to its place or path; fly slower, or look for wind, load and gains",
     "landed": "the vehicle is on the ground",
     "battery_low": "the battery is low",
     "goal": "a goal is being flown",
@@ -34,7 +34,6 @@ REASONS = {
     # of goals only
     "timeout": "it took longer than its time limit",
     "stream_timeout": "no reference came from its client in time",
-    "not_followed": "the vehicle could not keep up; fly slower, or look for wind, load and gains",
     "stopping": "the daemon was told to stop",
     "task_failed": "a part of the daemon failed; its log says which",
     "vehicle.hold": "Hold was asked for",
