@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
+from daemon import demands
 from daemon.messages import GRAVITY_M_S2
 
 
@@ -131,10 +132,15 @@ class Control(Section):
     thrust_max: float = _number(0.3, 1.0, None, settable=True)
     thrust_slew_max_1_s: float = _number(0.5, 100.0, "1/s", settable=True)
 
+    @property
+    def hover_thrust_at_start(self) -> float:
+        """The configured one, or what is flown until the autopilot tells its own."""
+        return DEFAULT_HOVER_THRUST if self.hover_thrust is None else self.hover_thrust
+
     @model_validator(mode="after")
     def _hovers(self) -> "Control":
         """`control.thrust_min` and `thrust_max` leave a tenth of `hover_thrust` below and above it."""
-        require_hover(self, DEFAULT_HOVER_THRUST if self.hover_thrust is None else self.hover_thrust)
+        demands.require(demands.hover(self, self.hover_thrust_at_start))
         return self
 
     @model_validator(mode="after")
@@ -165,13 +171,6 @@ def require_stable(control: Control) -> None:
         raise ValueError(
             f"position_gain_1_s2 {p:g} and velocity_gain_1_s {v:g} down swing with thrust {lag_s:g} s late"
         )
-
-
-def require_hover(control: Control, hover_thrust: float) -> None:
-    """Raise ``ValueError`` unless the thrust may be a tenth less and a tenth more than what hovers."""
-    if not control.thrust_min <= 0.9 * hover_thrust <= 1.1 * hover_thrust <= control.thrust_max:
-        allowed = f"thrust_min {control.thrust_min:g} to thrust_max {control.thrust_max:g}"
-        raise ValueError(f"{allowed} leaves less than a tenth about the {hover_thrust:.2f} that hovers")
 
 
 class Estimator(Section):

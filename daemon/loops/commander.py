@@ -62,12 +62,14 @@ class Commander:
         record: Latest[Record | None],
         request: Latest[VehicleRequest | None],
         timeouts: CommandTimeouts,
+        cannot_hover: Callable[[], list[str]],
     ) -> None:
         self._autopilot = autopilot
         self._gate = gate
         self._record = record
         self._request = request
         self._timeouts = timeouts
+        self._cannot_hover = cannot_hover
         self._turn = 0
         self._flying = False
         self.stopping = False
@@ -178,6 +180,7 @@ class Commander:
         if record is None or self.state not in (State.READY, State.PILOT, State.FAULT):
             raise NotPossibleError(f"cannot engage in state {self.state.value}; take off first")
         missing = hindrances(status, record, self._request.value, patience_s=self._timeouts.mode_s)
+        missing += self._cannot_hover()
         if missing:
             raise NotPossibleError("cannot engage: " + ", ".join(missing))
 

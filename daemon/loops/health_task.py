@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import replace
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -69,6 +68,7 @@ class HealthTask:
         status = vehicle.autopilot.status.value
         self._judge_streams(self._vehicle.autopilot.slow_streams.value if status.connected else ())
         self._follow_fence(status)
+        self._parameters.judge_thrust()
         self._follow_connection((status.connected, status.boot_count))
 
     def _follow_connection(self, connection: tuple[bool, int]) -> None:
@@ -118,10 +118,7 @@ class HealthTask:
         record = vehicle.record.value
         shift = record.estimate.shift if record else FrameShift()
         fence = geofence(vehicle.config, self._anchor(status, shift))
-        before = vehicle.parameters.value
-        if fence != before.bounds.fence or shift.count != before.fence_shift.count:
-            bounds = replace(before.bounds, fence=fence)
-            vehicle.parameters.set(replace(before, bounds=bounds, fence_shift=shift))
+        vehicle.flown.place_fence(fence, shift)
 
     def _anchor(self, status: AutopilotStatus, shift: FrameShift) -> Vec3:
         if self._vehicle.config.safety.fence.anchor == "origin":

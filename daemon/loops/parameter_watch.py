@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from daemon import logs
 from daemon.autopilot.port import CommandTimeoutError, NotConnectedError
-from daemon.parameters import pipeline_parameters
 
 if TYPE_CHECKING:
     from daemon.loops.vehicle import Vehicle
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
 READ_TIMEOUT_S = 2.0
 AGAIN_S = 10.0
 HOVER_PARAMETER = "MPC_THR_HOVER"
+THRUST_WARNING = "thrust_room"
 HOVER_RANGE = (0.1, 0.9)
 
 log = logs.get("health")
@@ -81,6 +81,10 @@ class ParameterWatch:
             if waiting:
                 await asyncio.sleep(AGAIN_S)
 
+    def judge_thrust(self) -> None:
+        """Warn while the vehicle has less thrust than the configuration demands at the hover thrust that is known."""
+        self._warn(THRUST_WARNING, "too_little_thrust", "; ".join(self._vehicle.flown.cannot_fly()) or None)
+
     async def _answers(self, name: str) -> bool:
         """Whether the autopilot has answered, be it that it does not know the parameter."""
         try:
@@ -114,7 +118,7 @@ class ParameterWatch:
 
     @property
     def _starts_at(self) -> str:
-        flown = self._vehicle.parameters.value.control.hover_thrust
+        flown = self._vehicle.flown.hover_thrust
         return f"the hover thrust starts at {flown:g}; where that is wrong, the vehicle sinks or climbs when it engages"
 
     def _take_hover(self, hover: float) -> str | None:
@@ -123,9 +127,7 @@ class ParameterWatch:
             return None
         if not HOVER_RANGE[0] <= hover <= HOVER_RANGE[1]:
             return f"{HOVER_PARAMETER} is {hover:g}, not {HOVER_RANGE[0]:g} to {HOVER_RANGE[1]:g}: {self._starts_at}"
-        vehicle, before = self._vehicle, self._vehicle.parameters.value
-        made = pipeline_parameters(vehicle.config, before.bounds.fence, hover)
-        vehicle.parameters.set(replace(made, fence_shift=before.fence_shift))
+        self._vehicle.flown.take_hover(hover)
         log.info("hover_thrust_from_autopilot", hover_thrust=round(hover, 4))
         return None
 

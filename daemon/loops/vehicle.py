@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 
 from daemon import logs
 from daemon.autopilot.port import Autopilot, CommandTimeoutError
@@ -11,17 +10,17 @@ from daemon.guidance.parameters import GuidanceParameters
 from daemon.latest import Latest
 from daemon.loops.commander import Commander, CommandTimeouts
 from daemon.loops.control_task import ControlTask
+from daemon.loops.flown_parameters import FlownParameters
 from daemon.loops.garbage import Garbage
 from daemon.loops.grid import Alarm, Grid
 from daemon.loops.health_task import HealthTask
 from daemon.loops.trajectory_task import TrajectoryTask
 from daemon.messages import FlightMode, RequestKind, VehicleRequest
-from daemon.parameters import geofence, guidance_parameters, pipeline_parameters
 from daemon.pipeline import Parameters, Record
 from daemon.safety.dead_man import SetpointGate, boot_clock
 from daemon.safety.geofence import Geofence
 from daemon.safety.supervisor import OURS
-from daemon.settings import Config, require_hover
+from daemon.settings import Config
 
 RELEASE_S = 1.2
 HOLD_TRIES, HOLD_PAUSE_S = 4, 0.1
@@ -42,10 +41,9 @@ class Vehicle:
         alarm: Callable[[], Alarm],
         clock: Callable[[], float] = boot_clock,
     ) -> None:
-        self.config = config
         self.autopilot = autopilot
-        self.guidance: GuidanceParameters = guidance_parameters(config)
-        self.parameters: Latest[Parameters] = Latest(pipeline_parameters(config, geofence(config, (0.0, 0.0, 0.0))))
+        self.flown = FlownParameters(config)
+        self.parameters: Latest[Parameters] = self.flown.cell
         self.request: Latest[VehicleRequest | None] = Latest(None)
         self.record: Latest[Record | None] = Latest(None)
         self.gate = SetpointGate(autopilot, clock, config.safety.clock_gap_s)
@@ -57,7 +55,7 @@ class Vehicle:
             self.request,
             autopilot.status,
             lambda: self.parameters.value.limits,
-            lambda: self.guidance,
+            lambda: self.flown.guidance,
             config.loops.window_s,
         )
         self.control = ControlTask(
@@ -71,9 +69,21 @@ class Vehicle:
         )
         self.control.listeners.append(self.trajectory.on_control_tick)
         self.garbage = Garbage(control_grid)
-        self.commander = Commander(autopilot, self.gate, self.record, self.request, CommandTimeouts())
+        self.commander = Commander(
+            autopilot, self.gate, self.record, self.request, CommandTimeouts(), self.flown.cannot_hover
+        )
         self.control.listeners.append(self.commander.on_control_tick)
         self.health = HealthTask(self, Grid(0.2, alarm()))
+
+    @property
+    def config(self) -> Config:
+        """The configuration that is flown now."""
+        return self.flown.config
+
+    @property
+    def guidance(self) -> GuidanceParameters:
+        """How references are made now."""
+        return self.flown.guidance
 
     @property
     def fence(self) -> Geofence:
@@ -120,13 +130,7 @@ class Vehicle:
 
     def set_config(self, config: Config) -> None:
         """Fly with other gains and limits from the next tick on. Raises ``ValueError`` and changes nothing."""
-        require_hover(config.control, self.control.state.control.model.hover_thrust)
-        before = self.parameters.value
-        made = pipeline_parameters(config, before.bounds.fence, before.control.hover_thrust)
-        guidance = guidance_parameters(config)
-        self.parameters.set(replace(made, fence_shift=before.fence_shift))
-        self.guidance = guidance
-        self.config = config
+        self.flown.set_config(config, self.control.state.control.model.hover_thrust)
 
     async def release(self) -> None:
         """Hand the vehicle over to Hold if it is ours or about to be, within ``RELEASE_S``; take it no more.

@@ -47,7 +47,14 @@ class Vehicle:
         self.altitude_amsl_m: float | None = None
         self.script: Callable[[CommandKind | RequestKind], None] = lambda _asked: None
         self.gate = SetpointGate(self, lambda: 0.0)
-        self.commander = Commander(self, self.gate, self.record, self.request, TIMEOUTS)  # type: ignore[arg-type]
+        self.commander = Commander(
+            self,  # type: ignore[arg-type]
+            self.gate,
+            self.record,
+            self.request,
+            TIMEOUTS,
+            list,
+        )
         self.set(state)
 
     def set(self, state: State, reason: str = "requested", **status: Any) -> None:
