@@ -286,12 +286,16 @@ class Config(Section):
 
     @model_validator(mode="after")
     def _can_accelerate(self) -> "Config":
-        """`guidance.limits.acceleration_m_s2` needs no more tilt than `control.tilt_max_deg`."""
-        acceleration_m_s2, tilt_deg = self.guidance.limits.acceleration_m_s2, self.control.tilt_max_deg
-        needed_deg = degrees(atan2(acceleration_m_s2, GRAVITY_M_S2))
+        """`guidance.limits.acceleration_m_s2` and `vertical_acceleration_m_s2`, both at once, need no more tilt than
+        `control.tilt_max_deg` and a thrust between `control.thrust_min` and `thrust_max`, with a tenth to spare.
+        """
+        limits, tilt_deg = self.guidance.limits, self.control.tilt_max_deg
+        demands.require(demands.motion(self.control, limits, self.control.hover_thrust_at_start))
+        needed_deg = degrees(atan2(limits.acceleration_m_s2, GRAVITY_M_S2 - limits.vertical_acceleration_m_s2))
         if needed_deg > tilt_deg:
             raise ValueError(
-                f"guidance.limits.acceleration_m_s2 {acceleration_m_s2:g} needs {needed_deg:.1f} deg of tilt: "
+                f"guidance.limits.acceleration_m_s2 {limits.acceleration_m_s2:g} with vertical_acceleration_m_s2 "
+                f"{limits.vertical_acceleration_m_s2:g} down needs {needed_deg:.1f} deg of tilt: "
                 f"control.tilt_max_deg is {tilt_deg:g}"
             )
         return self

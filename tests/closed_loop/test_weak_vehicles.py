@@ -67,7 +67,7 @@ def warnings(flight: Flight) -> dict[str, str]:
 
 @pytest.mark.parametrize(
     ("key", "wrong", "right", "hover_thrust", "rotor_max_thrust_n"),
-    [("thrust_max", 0.60, 0.95, 0.72, 3.4), ("thrust_min", 0.40, 0.08, 0.30, 8.2)],
+    [("thrust_max", 0.70, 0.95, 0.72, 3.4), ("thrust_min", 0.30, 0.08, 0.30, 8.2)],
 )
 def test_a_hover_thrust_outside_the_thrust_limits_is_told_and_the_vehicle_not_taken_until_they_leave_room(
     monkeypatch: pytest.MonkeyPatch,

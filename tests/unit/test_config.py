@@ -149,10 +149,13 @@ def test_a_refused_value_changes_nothing() -> None:
 
 def test_limits_that_need_more_tilt_than_there_is_are_refused() -> None:
     config = load([])
-    with pytest.raises(ValidationError, match=r"acceleration_m_s2 3 needs 17\.0 deg of tilt: control.*10"):
+    with pytest.raises(
+        ValidationError, match=r"acceleration_m_s2 3 with .* 2 down needs 21\.0 deg of tilt: control.*10"
+    ):
         with_value(config, "control.tilt_max_deg", 10.0)
     with pytest.raises(
-        ValidationError, match=r"acceleration_m_s2 8 needs 39\.2 deg of tilt: control\.tilt_max_deg is 35"
+        ValidationError,
+        match=r"acceleration_m_s2 8 with .* 2 down needs 45\.7 deg of tilt: control\.tilt_max_deg is 35",
     ):
         with_value(config, "guidance.limits.acceleration_m_s2", 8.0)
-    assert with_value(config, "control.tilt_max_deg", 18.0).control.tilt_max_deg == 18.0
+    assert with_value(config, "control.tilt_max_deg", 21.1).control.tilt_max_deg == 21.1

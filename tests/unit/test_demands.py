@@ -1,9 +1,11 @@
 """What a configuration demands of the thrust, in figures worked out by hand."""
 
+from pathlib import Path
+
 import pytest
 
 from daemon import demands
-from daemon.config import load, with_value
+from daemon.config import ConfigError, load, with_value
 from daemon.settings import Config
 
 DEFAULT = load([])
@@ -70,3 +72,36 @@ def test_a_vehicle_with_too_little_thrust_is_refused_only_what_makes_it_less(
         with pytest.raises(ValueError, match=path.rsplit(".", 1)[-1]):
             demands.require_no_worse(DEFAULT, after, 0.9)
     demands.require_no_worse(DEFAULT, after, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("limits", "control", "reason"),
+    [
+        ({"vertical_acceleration_m_s2": 8.0}, {}, r"vertical_acceleration_m_s2 8 falls quicker"),
+        (
+            {"vertical_acceleration_m_s2": 3.0},
+            {"thrust_min": 0.35},
+            r"_m_s2 3 needs less than control\.thrust_min 0\.35",
+        ),
+        (
+            {"vertical_acceleration_m_s2": 4.0},
+            {"hover_thrust": 0.78},
+            r"_m_s2 4 with guidance\.limits\.acceleration_m_s2 3 needs more than control\.thrust_max 0\.95 .* 0\.78",
+        ),
+        (
+            {"acceleration_m_s2": 6.8, "vertical_acceleration_m_s2": 5.0, "speed_m_s": 10.0},
+            {},
+            r"6\.8 with vertical_acceleration_m_s2 5 down needs 54\.7 deg of tilt: control\.tilt_max_deg is 35",
+        ),
+    ],
+)
+def test_limits_that_no_thrust_and_no_tilt_can_fly_are_refused_with_keys_and_reason(
+    limits: dict[str, float], control: dict[str, float], reason: str
+) -> None:
+    with pytest.raises(ConfigError, match=reason):
+        load([], {"control": control, "guidance": {"limits": limits}})
+
+
+@pytest.mark.parametrize("name", ["sim", "sitl", "x500"])
+def test_the_shipped_files_are_taken(name: str) -> None:
+    load([Path(name)])

@@ -59,8 +59,8 @@ def test_a_fence_that_stays_where_it_is_writes_nothing() -> None:
 def test_a_configuration_that_takes_the_thrust_away_changes_nothing() -> None:
     parameters = flown()
     before = parameters.cell.value
-    with pytest.raises(ValueError, match=r"thrust_max 0\.6 leaves less than a tenth about the 0\.60"):
-        parameters.set_config(with_value(CONFIG, "control.thrust_max", 0.6), 0.6)
+    with pytest.raises(ValueError, match=r"thrust_max 0\.7 leaves less than a tenth about the 0\.65"):
+        parameters.set_config(with_value(CONFIG, "control.thrust_max", 0.7), 0.65)
     assert parameters.config is CONFIG and parameters.cell.value is before
 
 

@@ -35,11 +35,11 @@ def test_the_file_loads_and_flies_what_was_proposed(measured: Measured, tmp_path
 
 
 def test_what_is_not_measured_stays_as_configured(measured: Measured) -> None:
-    config = load([], {"control": {"drag_1_s": [0.3, 0.3, 0.1], "tilt_max_deg": 20.0, "thrust_lag_s": 0.1}})
+    config = load([], {"control": {"drag_1_s": [0.3, 0.3, 0.1], "tilt_max_deg": 25.0, "thrust_lag_s": 0.1}})
     unsharp = replace(measured, thrust=replace(measured.thrust, total_s=Quantity(0.07, 0.05)))
     parameters = propose(unsharp, config).parameters
     assert parameters.drag_1_s == (0.3, 0.3, 0.1)
-    assert degrees(parameters.tilt_max_rad) == pytest.approx(20.0)
+    assert degrees(parameters.tilt_max_rad) == pytest.approx(25.0)
     assert parameters.thrust_lag_s == 0.1
 
 
