@@ -2,7 +2,7 @@
 
 from math import hypot
 
-from daemon.frames import clip_norm
+from daemon.frames import clamp
 from daemon.messages import Vec3
 
 
@@ -18,7 +18,8 @@ def feedback(
     """Feedback acceleration, m/s2 NED; errors are measured minus reference.
 
     The position term saturates where, with the velocity term against it, it would approach a far reference faster
-    than ``approach_max_m_s`` (horizontally by norm, vertically); the sum saturates by norm.
+    than ``approach_max_m_s``; the sum saturates at ``feedback_max_m_s2``. Both horizontally by norm, and vertically, so
+    that no error sideways takes feedback from height.
     """
     kp, kv = position_gain_1_s2, velocity_gain_1_s
     ex, ey, ez = position_error_ned_m
@@ -27,6 +28,10 @@ def feedback(
     if horizontal > limit:
         px, py = px * limit / horizontal, py * limit / horizontal
     limit = approach_max_m_s * kv[2]
-    pz = max(-limit, min(limit, pz))
+    pz = clamp(pz, -limit, limit)
     vx, vy, vz = velocity_error_ned_m_s
-    return clip_norm((-px - kv[0] * vx, -py - kv[1] * vy, -pz - kv[2] * vz), feedback_max_m_s2)
+    x, y, z = -px - kv[0] * vx, -py - kv[1] * vy, -pz - kv[2] * vz
+    horizontal = hypot(x, y)
+    if horizontal > feedback_max_m_s2:
+        x, y = x * feedback_max_m_s2 / horizontal, y * feedback_max_m_s2 / horizontal
+    return (x, y, clamp(z, -feedback_max_m_s2, feedback_max_m_s2))

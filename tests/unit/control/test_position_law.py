@@ -16,7 +16,7 @@ def test_errors_are_turned_back_by_their_gains() -> None:
     assert feedback((0.1, -0.2, 0.3), (1.0, 0.5, -0.2)) == pytest.approx((-4.8, -0.4, -1.7))
 
 
-def test_sum_saturates_by_norm_and_keeps_its_direction() -> None:
+def test_sum_saturates_sideways_by_norm_and_keeps_its_direction() -> None:
     x, y, z = feedback((3.0, -4.0, 0.0), ZERO3, most=5.0)
     assert (x, y, z) == pytest.approx((-3.0, 4.0, 0.0))
 
@@ -50,3 +50,12 @@ def test_each_axis_has_its_own_gains_and_the_approach_is_held_by_the_lesser_hori
     far = asked((6.0, 8.0, 0.0), ZERO3, 2.0)
     assert far == pytest.approx((-6.0 * 30.0 / length, -6.0 * 80.0 / length, 0.0))
     assert asked((0.0, 0.0, 50.0), ZERO3, 2.0)[2] == pytest.approx(-2.0 * least[2])
+
+
+@pytest.mark.parametrize("sideways_m_s", [0.0, 2.0, 12.0])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_error_sideways_takes_no_feedback_from_height(sideways_m_s: float, sign: float) -> None:
+    """1 m low and sinking with 1 m/s at gains of 9 and 5: 14 m/s2 of which 9 are given, whatever is sideways."""
+    x, y, z = feedback((0.0, 0.0, sign), (0.6 * sideways_m_s, 0.8 * sideways_m_s, sign), most=9.0)
+    assert z == -9.0 * sign
+    assert (x, y) == pytest.approx((-0.6 * min(4.0 * sideways_m_s, 9.0), -0.8 * min(4.0 * sideways_m_s, 9.0)))
