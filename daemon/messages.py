@@ -154,7 +154,8 @@ class ModeRefusal:
 class AutopilotStatus:
     """What the autopilot says of itself, newest of each message; ``heartbeat_s`` is the last HEARTBEAT's arrival.
 
-    ``mode`` is the newest of CURRENT_MODE, HEARTBEAT and EVENT. ``boot_count`` steps when the autopilot rebooted.
+    ``mode`` is the newest of CURRENT_MODE, HEARTBEAT and EVENT; ``heard``: messages flow, and it was told since they
+    do. ``boot_count`` steps when the autopilot rebooted.
     """
 
     connected: bool = False
@@ -171,6 +172,7 @@ class AutopilotStatus:
     home_ned_m: Vec3 | None = None
     boot_count: int = 0
     mode_refusal: ModeRefusal | None = None
+    heard: bool = False
 
 
 @value

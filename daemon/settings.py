@@ -54,7 +54,7 @@ class Link(Section):
     """The link to the autopilot."""
 
     connection: str = "udpin://0.0.0.0:14540"
-    lost_s: float = _number(0.2, 5.0, "s")
+    lost_s: float = _number(1.4, 5.0, "s")
 
     @field_validator("connection")
     @classmethod

@@ -123,7 +123,7 @@ class MavsdkLink(SessionLink):
     ``late_callbacks`` counts messages that came after the loop had ended.
     """
 
-    def __init__(self, url: str, *, link_timeout_s: float = 0.5) -> None:
+    def __init__(self, url: str, *, link_timeout_s: float = 1.5) -> None:
         log_subscribe(_MavsdkLog())
         self._configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
         own_ids = (self._configuration.system_id, self._configuration.component_id)

@@ -16,9 +16,11 @@ from daemon.autopilot.port import CommandTimeoutError, NotConnectedError
 from daemon.autopilot.px4 import (
     CMD_SET_MESSAGE_INTERVAL,
     CMD_SET_MODE,
+    CURRENT_MODE_ID,
     Fields,
     Message,
     is_requestable,
+    request_message,
     set_mode,
 )
 from daemon.autopilot.timesync import TimeSync
@@ -35,17 +37,19 @@ from daemon.messages import (
 SAMPLES = ("ODOMETRY", "HIGHRES_IMU")
 _EVENTS_KEPT = 64
 _PARAM_DOES_NOT_EXIST = 1  # MAV_PARAM_ERROR; any other may be gone when asked again
+_QUIET_S = 0.2  # ODOMETRY alone comes every 10 ms
+_ASK_MODE_AGAIN_S = 0.1
 _REASON_UPDATE_S = 0.2  # an EVENT that explains a refusal comes within a few ms of the ack; generous
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionParams:
-    """``link_timeout_s``: without any message for so long the link is lost, 0.5 s.
+    """``link_timeout_s``: without any message for so long the link is lost, 1.5 s: a hand-over begins and ends before.
 
     ``system_id``, ``component_id``: our own MAVLink ids, to know our acks from others'; 0 takes every ack.
     """
 
-    link_timeout_s: float = 0.5
+    link_timeout_s: float = 1.5
     system_id: int = 0
     component_id: int = 0
 
@@ -68,6 +72,7 @@ class Px4Session:
         self.malformed: dict[str, int] = {}
         self._events: deque[str] = deque(maxlen=_EVENTS_KEPT)
         self._last_arrival_s = -inf
+        self._mode_asked_s = -inf
         self._flowing = False
         self._order = SampleOrder()
         self._time_sync = TimeSync()
@@ -113,6 +118,7 @@ class Px4Session:
             self._count_malformed(name)
         if self.status.value.mode is not mode:
             self._commands.mode_changed(self.status.value.mode)
+        self._listen(now_s)
 
     def receive_sample(self, name: str, fields: Fields, now_s: float) -> bool:
         """The hot path of ODOMETRY and HIGHRES_IMU: only writes the cell, so another thread may call it.
@@ -146,6 +152,7 @@ class Px4Session:
             self._update(connected=False)
             self._forget_clock()
             self._forget_waiting("the link to the autopilot was lost")
+        self._listen(now_s)
         if not self._flowing:
             return
         self._outgoing += self._time_sync.poll(now_s)
@@ -156,6 +163,16 @@ class Px4Session:
         if self.odometry.value is not None:
             self._outgoing += self.monitor.follow(self.odometry.value.reset_counter)
         self._outgoing += self._param_reads.poll(now_s)
+
+    def _listen(self, now_s: float) -> None:
+        """Notice a silence, and ask for the mode as soon as it ends: by itself it would be told within 0.5 s."""
+        quiet = now_s - self._last_arrival_s > _QUIET_S
+        heard = self.status.value.heard
+        if quiet and heard:
+            self._update(heard=False)
+        elif not (quiet or heard) and now_s - self._mode_asked_s >= _ASK_MODE_AGAIN_S:
+            self._mode_asked_s = now_s
+            self._outgoing.append(request_message(CURRENT_MODE_ID))
 
     # ---- out
 
@@ -264,7 +281,7 @@ class Px4Session:
         if event.text is not None and not event.check_states:
             self._events.append(event.text)
         if event.mode is not None:
-            self._update(mode=event.mode, intended_mode=event.intended_mode)
+            self._update(mode=event.mode, heard=True, intended_mode=event.intended_mode)
         if event.disarmed:
             self._update(armed=False)
         if event.refusal and self._refused is not None and now_s - self._refused[2] <= _REASON_UPDATE_S:

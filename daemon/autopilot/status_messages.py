@@ -25,6 +25,7 @@ def _heartbeat(status: AutopilotStatus, fields: Fields, now_s: float) -> Autopil
         connected=True,
         heartbeat_s=now_s,
         mode=mode,
+        heard=True,
         intended_mode=mode if follows else status.intended_mode,
         armed=is_armed(int(fields["base_mode"])),
         system_status=system_status,
@@ -34,7 +35,8 @@ def _heartbeat(status: AutopilotStatus, fields: Fields, now_s: float) -> Autopil
 def _current_mode(status: AutopilotStatus, fields: Fields, _now_s: float) -> AutopilotStatus:
     mode = mode_from_custom(int(fields["custom_mode"]))
     intended = mode_from_custom(int(fields["intended_custom_mode"]))
-    return replace(status, mode=mode, intended_mode=mode if intended is FlightMode.UNKNOWN else intended)
+    intended = mode if intended is FlightMode.UNKNOWN else intended
+    return replace(status, mode=mode, heard=True, intended_mode=intended)
 
 
 def _extended_sys_state(status: AutopilotStatus, fields: Fields, _now_s: float) -> AutopilotStatus:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from daemon.autopilot.px4 import Message, request_message, set_message_interval
+from daemon.autopilot.px4 import CURRENT_MODE_ID, Message, request_message, set_message_interval
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ STREAMS: tuple[Stream, ...] = (
     # For the cross-check of the tilt alone, which at 100 Hz would see the same (largest difference 7.3 deg, 8.2 at 50).
     Stream("HIGHRES_IMU", 105, 50.0, least_hz=30.0),
     # Sent within 60 ms of a change when asked for at 20 Hz, else at 2 Hz (measured); at 0.5 Hz by PX4's default.
-    Stream("CURRENT_MODE", 436, 20.0, least_hz=1.0, once=True),
+    Stream("CURRENT_MODE", CURRENT_MODE_ID, 20.0, least_hz=1.0, once=True),
     Stream("EXTENDED_SYS_STATE", 245, 10.0, least_hz=3.0),
     Stream("SYS_STATUS", 1, 5.0, least_hz=1.5),
     Stream("GLOBAL_POSITION_INT", 33, 5.0),

@@ -129,6 +129,7 @@ class Conditions:
     takeoff_confirmed: bool = False
     release_confirmed: bool = False
     hold_stale: bool = False
+    lost_while_ours: bool = False
     engage_over: bool = False
     release_levels: bool = False
     release_over: bool = False

@@ -4,6 +4,7 @@ REASONS = {
     "start": "the daemon has just started",
     "connected": "the autopilot is connected, the vehicle is on the ground",
     "found_flying": "the vehicle was flying when the daemon met it; engage or hold it to take it",
+    "link_returned": "the link was lost while the vehicle was ours, and is back; engage or hold it to take it",
     "pilot_takeoff": "the vehicle took off without being asked to by this daemon",
     "link_lost": "nothing is heard from the autopilot",
     "autopilot_rebooted": "the autopilot has restarted",

@@ -3,9 +3,10 @@
 Engage: setpoints that match the vehicle for ``match_s``, then OFFBOARD is asked for, again after each refusal, until
 ``engage_s``. Release: setpoints go on while Hold (or Land, Return) is asked for, again every ``repeat_s`` for a message
 may be lost; refused or not confirmed after ``confirm_s`` it is Land; that too: level for ``level_s``, then silence, so
-that the autopilot's own failsafe starts from level. A release from an engage starts in Hold, and what was asked of the
-autopilot within ``settle_s`` may still take effect: until then that Hold confirms nothing. An OFFBOARD that takes
-effect after the vehicle is not ours any more is undone.
+that the autopilot's own failsafe starts from level. While the autopilot is not heard nobody knows who has the vehicle:
+setpoints go on, but after ``confirm_s`` it is asked again only once its mode is told. A release from an engage starts
+in Hold, and what was asked of the autopilot within ``settle_s`` may still take effect: until then that Hold confirms
+nothing. An OFFBOARD that takes effect after the vehicle is not ours any more is undone.
 """
 
 from dataclasses import dataclass, field, replace
@@ -51,7 +52,8 @@ class Supervision:
     """State of the supervisor. ``asked_mode`` is the mode that we asked the autopilot for and have not seen yet;
 
     ``left`` is the reason for which the vehicle was last given back, whatever came after it. From ``settled_s`` on a
-    Hold is an answer to the release. ``undo``: what of ours may still come after we let go.
+    Hold is an answer to the release; at ``unheard_s`` the autopilot was last not heard in it. ``undo``: what of ours
+    may still come after we let go.
     """
 
     state: State = State.DISCONNECTED
@@ -65,6 +67,7 @@ class Supervision:
     lost_while_ours: bool = False
     landing_asked: bool = False
     settled_s: float = -inf
+    unheard_s: float = -inf
     undo: Undo = NOTHING
     memory: Memory = field(default_factory=Memory)
 
@@ -111,7 +114,7 @@ def drive(supervision: Supervision, conditions: Conditions) -> Drive:
         return Drive.SILENT
     if supervision.state is State.ENGAGING:
         return Drive.MATCH
-    if supervision.state is State.RELEASING and conditions.release_levels:
+    if supervision.state is State.RELEASING and (conditions.release_levels or supervision.reason == "estimate_lost"):
         return Drive.LEVEL
     trusted = conditions.state_usable and not conditions.estimate_poor and not conditions.attitude_disagrees
     if trusted or (supervision.state in FLYING and conditions.state_usable):
@@ -138,6 +141,7 @@ def _requests(
         "takeoff_confirmed": confirmed and asked is FlightMode.TAKEOFF and status.armed,
         "release_confirmed": supervision.state is State.RELEASING and confirmed and not stale,
         "hold_stale": stale,
+        "lost_while_ours": supervision.lost_while_ours,
         "engage_over": elapsed > timing.engage_s,
         "release_levels": elapsed > asking_s,
         "release_over": elapsed > asking_s + timing.level_s,
@@ -191,7 +195,7 @@ def _enter(
     if (before.state in FLYING or before.state is State.ENGAGING) and state not in FLYING:
         supervision = replace(supervision, left=reason)
     supervision = replace(supervision, state=state, since_s=now_s, reason=reason, asked_mode=None, asked_s=-inf, asks=0)
-    supervision = replace(supervision, landing_asked=False, settled_s=-inf)
+    supervision = replace(supervision, landing_asked=False, settled_s=-inf, unheard_s=-inf)
     supervision = replace(supervision, undo=_left_to_undo(before, state, status, now_s, timing))
     if state is State.RELEASING:
         mode = _MODE_OF[fresh.kind] if fresh is not None and fresh.kind in _MODE_OF else FlightMode.HOLD
@@ -205,10 +209,11 @@ def _enter(
     if state is State.READY and reason in ("engage_refused", "estimate_lost"):
         # An OFFBOARD that was asked for may still take effect.
         return replace(supervision, asked_mode=FlightMode.HOLD, asked_s=now_s), (FlightMode.HOLD,)
-    if state is State.DISCONNECTED and was_ours:
+    if state is State.DISCONNECTED:
         # Nothing is heard, but the autopilot may still hear us.
-        return replace(supervision, lost_while_ours=True), (FlightMode.HOLD,)
-    if supervision.lost_while_ours and state is not State.DISCONNECTED:
+        lost = was_ours or before.undo.waits(now_s)
+        return replace(supervision, lost_while_ours=lost), (FlightMode.HOLD,) if was_ours else ()
+    if supervision.lost_while_ours:
         supervision = replace(supervision, lost_while_ours=False)
         if state is State.PILOT and status.mode is FlightMode.OFFBOARD:
             # The autopilot still waits for us; what it, or a pilot, does meanwhile stays as it is.
@@ -218,8 +223,10 @@ def _enter(
 
 def _left_to_undo(before: Supervision, state: State, status: AutopilotStatus, now_s: float, timing: Timing) -> Undo:
     """What may still come of ours in the new state."""
-    if state in OURS or state is State.STANDBY:
+    if state in OURS or state in (State.STANDBY, State.DISCONNECTED):
         return NOTHING
+    if before.lost_while_ours and status.mode is not FlightMode.OFFBOARD:
+        return undoing.over(status.mode, now_s)
     if before.state in OURS:
         return undoing.let_go(status, now_s, undo_s=timing.undo_s)
     return before.undo
@@ -237,10 +244,23 @@ def _continue(
     if _stalled_and_still_offboard(supervision, status, timing):
         return replace(supervision, asks=1), (FlightMode.HOLD,)
     if supervision.state is State.RELEASING:
-        if not supervision.landing_asked and (refused or elapsed > timing.confirm_s):
-            return _ask(replace(supervision, landing_asked=True), FlightMode.LAND, now_s)
-        if supervision.asked_mode is not None and not refused and now_s - supervision.asked_s >= timing.repeat_s:
-            return _ask(supervision, supervision.asked_mode, now_s)
+        return _hand_over(supervision, refused, status.heard, now_s, timing)
+    return supervision, ()
+
+
+def _hand_over(
+    supervision: Supervision, refused: bool, heard: bool, now_s: float, timing: Timing
+) -> tuple[Supervision, tuple[FlightMode, ...]]:
+    """A tick of a release: who is asked for what; not to be heard is no answer, so there is no Land for it."""
+    if not heard:
+        supervision = replace(supervision, unheard_s=now_s)
+        if now_s - supervision.since_s > timing.confirm_s:
+            return supervision, ()
+    waited_s = now_s - max(supervision.since_s, supervision.unheard_s)
+    if not supervision.landing_asked and (refused or waited_s > timing.confirm_s):
+        return _ask(replace(supervision, landing_asked=True), FlightMode.LAND, now_s)
+    if supervision.asked_mode is not None and not refused and now_s - supervision.asked_s >= timing.repeat_s:
+        return _ask(supervision, supervision.asked_mode, now_s)
     return supervision, ()
 
 

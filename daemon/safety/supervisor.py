@@ -54,6 +54,7 @@ TABLE: tuple[Row, ...] = (
     Row(OURS, ("latched",), _S.FAULT, "control_stalled"),
     Row(_CONNECTED, ("!link",), _S.DISCONNECTED, "link_lost"),
     Row(_CONNECTED, ("rebooted",), _S.STANDBY, "autopilot_rebooted"),
+    Row(frozenset({_S.DISCONNECTED}), ("link", "in_flight", "lost_while_ours"), _S.PILOT, "link_returned"),
     Row(frozenset({_S.DISCONNECTED}), ("link", "in_flight"), _S.PILOT, "found_flying"),
     Row(frozenset({_S.DISCONNECTED}), ("link",), _S.STANDBY, "connected"),
     # The vehicle is no longer ours, whatever we are doing: silent at once.

@@ -119,14 +119,37 @@ def _link() -> list[Case]:
             **_handed_over("estimate_lost", 0.8),
         ),
         Case(
+            name="link silent for 0.7 s",
+            faults=(Link(silent=True, duration_s=0.7),),
+            **_handed_over("estimate_lost", 0.8),
+        ),
+        *(
+            Case(
+                name=f"link silent for {duration_s:g} s, as the vehicle begins to move",
+                faults=(Link(silent=True, duration_s=duration_s),),
+                strikes_at_m=0.1,
+                tilt_deg=70.0,  # the autopilot keeps the last rate until the link is back
+                **_handed_over("estimate_lost", duration_s + 0.1),
+            )
+            for duration_s in (0.7, 0.9)
+        ),
+        Case(
+            name="link silent for 0.7 s, in a turn",
+            faults=(Link(silent=True, duration_s=0.7),),
+            start=Start.CIRCLING,
+            tilt_deg=70.0,
+            **_handed_over("estimate_lost", 0.8),
+        ),
+        Case(
             name="link silent for 5 s",
             faults=(Link(silent=True, duration_s=5.0),),
-            **_taken("estimate_lost", State.FAULT, failsafe, 0.8, asked=(HOLD,)),
+            tilt_deg=70.0,
+            **_taken("estimate_lost", State.FAULT, failsafe, 1.4, asked=(HOLD,)),
         ),
         Case(
             name="nothing comes from the autopilot",
             faults=(Link(silent=True, direction="down"),),
-            **_handed_over("estimate_lost", 0.8, state=State.DISCONNECTED),
+            **_handed_over("estimate_lost", 1.4, state=State.DISCONNECTED),
         ),
         Case(
             name="setpoints lost on the way",

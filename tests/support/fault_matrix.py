@@ -34,6 +34,7 @@ class Start(Enum):
     """What the vehicle does when the fault strikes."""
 
     FLYING = "flies north at 5 m/s towards its goal"
+    CIRCLING = "flies a circle of 6 m radius at 4 m/s"
     HOVERING = "hovers at its goal"
     IN_HOLD = "is in the autopilot's Hold, and is then given a goal"
     ON_GROUND = "stands on the ground"
@@ -85,7 +86,7 @@ class Case:
 
 @dataclass
 class Seen:
-    """What was measured; times are seconds after the fault, tilt is the true vehicle's while it was flown by us."""
+    """What was measured; times are seconds after the fault, tilt is the true vehicle's until it is flown by others."""
 
     silent_s: float | None
     hold_s: float | None
@@ -106,7 +107,7 @@ class _Witness:
 
     def __init__(self, flight: Flight) -> None:
         self.flight = flight
-        self.ticks: list[tuple[float, FlightMode, float]] = []
+        self.ticks: list[tuple[float, FlightMode, float, bool]] = []
         self.fed_s: list[float] = []
         self.commanded_rad = 0.0
         self.reach_m = 0.0
@@ -131,7 +132,8 @@ class _Witness:
         self._step()
         px4 = self.flight.px4
         self.reach_m = max(self.reach_m, hypot(*px4.truth.position_ned_m[:2]))
-        self.ticks.append((self.flight.now_s, px4.mode, frames.tilt_of(px4.truth.attitude_wb)))
+        in_offboard = px4.mode is FlightMode.OFFBOARD and px4.armed
+        self.ticks.append((self.flight.now_s, px4.mode, frames.tilt_of(px4.truth.attitude_wb), in_offboard))
 
     def _on_tick(self, _inputs: Inputs, record: Record) -> None:
         if record.control is not None:
@@ -142,12 +144,12 @@ class _Witness:
         flight, struck_s, end_s = self.flight, self.struck_s, self.ticks[-1][0]
         ours = flight.state in OURS and not ends
         last_s = flight.sent[-1][0] if flight.sent else struck_s
-        tilts = [
-            tilt for t, _, tilt in self.ticks if struck_s - 0.02 <= t <= (end_s if ours else max(last_s, struck_s))
-        ]
+        flown_s = end_s if ours else max(last_s, struck_s)
+        since = [tick for tick in self.ticks if tick[0] >= struck_s - 0.02]
+        tilts = [tilt for t, _, tilt, in_offboard in since if t <= flown_s or in_offboard]
         return Seen(
             silent_s=None if ours else max(0.0, last_s - struck_s),
-            hold_s=next((t - struck_s for t, m, _ in self.ticks if t >= struck_s and m is FlightMode.HOLD), None),
+            hold_s=next((t - struck_s for t, m, *_ in self.ticks if t >= struck_s and m is FlightMode.HOLD), None),
             tilt_deg=degrees(max(tilts)),
             state=flight.state,
             left=flight.records[-1].supervision.left,
@@ -196,6 +198,11 @@ async def _fly(case: Case, flight: Flight, witness: _Witness, stack: ExitStack) 
     if case.start is Start.FLYING:
         goal_id = await submit()
         await flight.until(lambda: flight.position[0] > case.strikes_at_m)
+    elif case.start is Start.CIRCLING:
+        circle = {"kind": "circle", "center": [0.0, 0.0, -HEIGHT_M], "radius_m": 6.0, "speed_m_s": 4.0, "turns": 20}
+        goal_id = await flight.submit(trajectory=circle)
+        circling_s = flight.now_s + 8.0
+        await flight.until(lambda: flight.now_s > circling_s)
     elif case.start is Start.HOVERING:
         goal_id = await submit()
         await flight.until(lambda: flight.state is State.TRACKING)

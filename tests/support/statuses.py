@@ -6,6 +6,7 @@ from daemon.messages import AutopilotStatus, FlightMode, LandedState, SystemStat
 
 ON_GROUND = AutopilotStatus(
     connected=True,
+    heard=True,
     mode=FlightMode.HOLD,
     intended_mode=FlightMode.HOLD,
     armed=False,

@@ -117,7 +117,7 @@ def test_a_command_without_an_autopilot_is_refused_at_once_and_one_that_waits_en
         Px4Session().start_command(command_long(400, 1.0), 0.0, 1.0, Outcome())
     outcome = Outcome()
     session.start_command(command_long(400, 1.0), 0.0, 10.0, outcome)
-    session.poll(0.6)
+    session.poll(1.6)
     assert [type(error) for error in outcome.calls] == [NotConnectedError]
 
 
@@ -152,7 +152,7 @@ def test_a_read_ends_with_the_link_and_with_a_later_one_of_its_name(session: Px4
     got: list[object] = []
     session.read_parameter("MPC_THR_HOVER", 0.0, 5.0, got.append)
     session.read_parameter("MPC_THR_HOVER", 0.1, 5.0, got.append)
-    session.poll(0.6)
+    session.poll(1.6)
     assert [type(answer) for answer in got] == [CommandTimeoutError, NotConnectedError]
 
 

@@ -37,9 +37,9 @@ def test_heartbeats_of_others_do_not_connect(autopilot: int) -> None:
 
 def test_silence_is_a_lost_link_and_its_end_asks_for_the_streams_again(session: Px4Session) -> None:
     session.receive("ODOMETRY", odometry(1000), 0.4)
-    session.poll(0.9)
+    session.poll(1.9)
     assert session.status.value.connected
-    session.poll(0.91)
+    session.poll(1.91)
     assert not session.status.value.connected
     session.receive("ODOMETRY", odometry(2000), 3.0)
     assert requested_ids(session) == {stream.message_id for stream in STREAMS}
@@ -47,6 +47,36 @@ def test_silence_is_a_lost_link_and_its_end_asks_for_the_streams_again(session: 
     session.receive("HEARTBEAT", heartbeat(RETURN, system_status=5), 3.2)
     assert session.status.value.connected
     assert session.status.value.mode is FlightMode.RETURN
+
+
+@pytest.mark.parametrize("hot", [True, False])
+def test_after_two_tenths_of_silence_the_mode_is_asked_for_at_once_and_counts_when_it_is_told(
+    session: Px4Session, hot: bool
+) -> None:
+    session.receive("ODOMETRY", odometry(1000), 1.0)
+    session.poll(1.19)
+    assert session.status.value.heard
+    session.poll(1.21)
+    assert (session.status.value.heard, session.status.value.connected) == (False, True)
+    session.take_outgoing()
+    if hot:
+        session.receive_sample("ODOMETRY", odometry(700_000), 1.7)
+        session.poll(1.7)
+    else:
+        session.receive("EXTENDED_SYS_STATE", {"landed_state": 2}, 1.7)
+    assert requested_ids(session, 512) == {436}
+    session.receive("EXTENDED_SYS_STATE", {"landed_state": 2}, 1.75)
+    assert requested_ids(session, 512) == set(), "it has a tenth of a second to answer"
+    assert not session.status.value.heard, "the mode may be another one since"
+    session.receive("CURRENT_MODE", current_mode(RETURN), 1.76)
+    assert session.status.value.heard
+
+
+def test_before_the_first_heartbeat_nothing_is_heard() -> None:
+    session = Px4Session()
+    session.receive("ODOMETRY", odometry(1000), 1.0)
+    session.poll(1.0)
+    assert not session.status.value.heard
 
 
 def test_a_clock_that_begins_anew_is_a_reboot(session: Px4Session) -> None:
@@ -166,7 +196,7 @@ def test_places_that_never_came_are_asked_for_again(session: Px4Session) -> None
 
 
 def test_samples_on_the_hot_path_alone_bring_a_lost_link_back(session: Px4Session) -> None:
-    session.poll(1.0)
+    session.poll(1.6)
     session.take_outgoing()
     session.receive_sample("ODOMETRY", odometry(1000), 2.0)
     session.poll(2.02)

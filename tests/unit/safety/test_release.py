@@ -143,6 +143,48 @@ def test_the_commands_of_a_hand_over_are_repeated_twenty_times_a_second() -> Non
     assert all(0.04 < after - before < 0.07 for before, after in pairwise(times))
 
 
+def test_an_autopilot_that_is_not_heard_is_asked_for_hold_alone_and_told_no_more_after_three_tenths() -> None:
+    rig = releasing()
+    since = rig.now_s
+    rig.status(IN_OFFBOARD, heard=False)
+    driven = []
+    while rig.tick() is State.RELEASING:
+        driven.append(rig.drive)
+    assert rig.now_s - since == pytest.approx(0.8, abs=0.03)
+    assert Drive.SILENT not in driven, "setpoints go on: PX4 would keep the last rate"
+    assert {mode for _, mode in rig.asked} == {FlightMode.HOLD}
+    assert rig.asked[-1][0] - since <= 0.31
+
+
+def test_an_autopilot_that_is_heard_again_in_offboard_is_asked_for_hold_at_once() -> None:
+    rig = releasing()
+    rig.status(IN_OFFBOARD, heard=False).tick(45)
+    rig.asked.clear()
+    rig.status(IN_OFFBOARD)
+    rig.tick(25)
+    assert rig.asked[0][0] == pytest.approx(rig.now_s - 0.24)
+    assert {mode for _, mode in rig.asked} == {FlightMode.HOLD}, "it has three tenths to answer before it is Land"
+    rig.status(IN_HOLD)
+    assert rig.tick() is State.READY
+
+
+@pytest.mark.parametrize("mode", [FlightMode.POSITION, FlightMode.RETURN])
+def test_what_took_the_vehicle_while_the_autopilot_was_not_heard_keeps_it(mode: FlightMode) -> None:
+    rig = releasing()
+    rig.status(IN_OFFBOARD, heard=False).tick(45)
+    rig.asked.clear()
+    rig.status(IN_OFFBOARD, mode=mode, intended_mode=mode)
+    assert rig.tick(100) is State.PILOT
+    assert rig.asked == []
+
+
+def test_after_a_lost_estimate_the_vehicle_is_levelled_also_when_the_estimate_comes_back() -> None:
+    rig = tracking().set(age_s=0.51)
+    assert rig.tick() is State.RELEASING
+    rig.set(age_s=0.01).tick()
+    assert rig.drive is Drive.LEVEL
+
+
 def test_a_refused_hold_becomes_land_at_once() -> None:
     rig = releasing()
     rig.status(IN_OFFBOARD, mode_refusal=ModeRefusal(FlightMode.HOLD, "no position", rig.now_s))

@@ -2,7 +2,7 @@
 
 import pytest
 from support.statuses import IN_HOLD, IN_OFFBOARD, ON_GROUND
-from support.supervision_rig import Rig, tracking
+from support.supervision_rig import Rig, releasing, tracking
 
 from daemon.messages import FlightMode, RequestKind, SystemStatus
 from daemon.safety.supervision import Drive
@@ -90,6 +90,7 @@ def test_a_lost_link_silences_asks_hold_once_and_the_vehicle_is_not_taken_back()
     rig.tick(100)
     rig.status(IN_OFFBOARD)
     assert rig.tick() is State.PILOT
+    assert rig.supervision.reason == "link_returned"
     assert [mode for _, mode in rig.asked] == [FlightMode.HOLD] * 2, "the first may not have been heard"
     rig.status(IN_HOLD)
     assert rig.tick() is State.READY
@@ -108,6 +109,30 @@ def test_what_flew_the_vehicle_while_the_link_was_lost_keeps_it() -> None:
         rig.status(IN_OFFBOARD)
         assert rig.tick(100) is State.PILOT
         assert rig.asked == [], "the second loss was not of ours"
+
+
+def test_a_release_that_nobody_answered_before_the_link_was_lost_is_finished_when_it_is_back() -> None:
+    for mode, asked in ((FlightMode.OFFBOARD, [FlightMode.HOLD]), (FlightMode.POSITION, [])):
+        rig = releasing().status(IN_OFFBOARD, heard=False)
+        while rig.tick() is State.RELEASING:
+            pass
+        rig.tick(20)
+        rig.status(IN_OFFBOARD, connected=False)
+        assert rig.tick(300) is State.DISCONNECTED
+        rig.asked.clear()
+        rig.status(IN_OFFBOARD, mode=mode, intended_mode=mode).tick(50)
+        assert [m for _, m in rig.asked] == asked
+        assert rig.supervision.reason == "link_returned"
+
+
+def test_an_autopilot_that_goes_back_to_offboard_after_the_link_is_back_is_sent_back() -> None:
+    rig = tracking().status(IN_OFFBOARD, connected=False)
+    rig.tick(300)
+    rig.asked.clear()
+    rig.status(IN_OFFBOARD, mode=FlightMode.RETURN, system_status=SystemStatus.CRITICAL).tick(200)
+    assert rig.asked == []
+    rig.status(IN_OFFBOARD).tick()
+    assert [mode for _, mode in rig.asked] == [FlightMode.RETURN]
 
 
 def test_a_rebooted_autopilot_is_met_anew() -> None:

@@ -48,6 +48,8 @@ def test_a_lost_link_and_a_reboot_end_every_state(state: State) -> None:
 def test_a_vehicle_that_is_met_is_a_pilots_when_it_flies() -> None:
     assert after(State.DISCONNECTED, link=True) == (State.STANDBY, "connected")
     assert after(State.DISCONNECTED, link=True, in_flight=True) == (State.PILOT, "found_flying")
+    assert after(State.DISCONNECTED, link=True, in_flight=True, lost_while_ours=True) == (State.PILOT, "link_returned")
+    assert after(State.DISCONNECTED, link=True, lost_while_ours=True) == (State.STANDBY, "connected")
     assert after(State.DISCONNECTED, in_flight=True) is None
     assert after(State.DISCONNECTED, latched=True) is None
 
