@@ -126,6 +126,7 @@ class Conditions:
     release_asked: bool = False
     hold_confirmed: bool = False
     landing_confirmed: bool = False
+    landing_late: bool = False
     takeoff_confirmed: bool = False
     release_confirmed: bool = False
     hold_stale: bool = False

@@ -18,6 +18,7 @@ REASONS = {
     "engage_refused": "the autopilot did not go to offboard within 2 s",
     "released": "the vehicle is in Hold, as asked",
     "released_to_land": "the vehicle was handed over to land",
+    "land_overtook_hold": "the Land that was asked for while Hold did not show came after it; Hold is asked for again",
     "release_failed": "the autopilot took neither Hold nor Land; the daemon is silent, the autopilot's failsafe acts",
     "estimate_lost": "the autopilot's estimate did not come any more",
     "estimate_poor": "the position estimate became too uncertain, or contradicted itself",

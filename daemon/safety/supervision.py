@@ -17,7 +17,7 @@ from daemon.messages import AutopilotStatus, FlightMode, RequestKind, VehicleReq
 from daemon.safety import undo as undoing
 from daemon.safety.conditions import PILOT_MODES, Bounds, Conditions, Facts, Memory, evaluate, in_flight
 from daemon.safety.supervisor import FLYING, OURS, State, next_row
-from daemon.safety.undo import NOTHING, Undo
+from daemon.safety.undo import NOTHING, UNDO_ASKS, Undo
 from daemon.values import value
 
 FENCE_ASKS = 5
@@ -95,7 +95,7 @@ def step(
     else:
         supervision, modes = _continue(supervision, facts.status, now_s, timing)
         if _drifts_on(supervision, conditions, bounds, now_s, timing):
-            supervision, modes = _ask(supervision, bounds.fence_beyond, now_s)
+            supervision, modes = _ask(replace(supervision, landing_asked=False), bounds.fence_beyond, now_s)
     if supervision.state not in OURS and _awaited(supervision, facts.status, now_s, timing) is None:
         undo, answer = undoing.step(supervision.undo, facts.status, now_s, undo_s=timing.undo_s, retry_s=timing.retry_s)
         if undo is not supervision.undo:
@@ -131,13 +131,15 @@ def _requests(
     asked = _awaited(supervision, status, now_s, timing)
     confirmed = asked is not None and status.mode is asked
     flying = confirmed and in_flight(status)
+    fallback = supervision.state is State.READY and supervision.landing_asked
     asking_s = 2.0 * timing.confirm_s
     stale = supervision.state is State.RELEASING and status.mode is FlightMode.HOLD and now_s < supervision.settled_s
     return {
         "engage_asked": kind is RequestKind.ENGAGE,
         "release_asked": kind in (RequestKind.HOLD, RequestKind.LAND, RequestKind.RETURN),
         "hold_confirmed": flying and asked is FlightMode.HOLD,
-        "landing_confirmed": flying and asked in (FlightMode.LAND, FlightMode.RETURN),
+        "landing_confirmed": flying and asked in (FlightMode.LAND, FlightMode.RETURN) and not fallback,
+        "landing_late": flying and fallback and now_s - supervision.asked_s <= timing.undo_s,
         "takeoff_confirmed": confirmed and asked is FlightMode.TAKEOFF and status.armed,
         "release_confirmed": supervision.state is State.RELEASING and confirmed and not stale,
         "hold_stale": stale,
@@ -177,7 +179,7 @@ def _ask_without_flying(
         return supervision, ()
     if in_flight(status) and status.mode in PILOT_MODES:
         return supervision, ()
-    supervision = replace(supervision, asked_mode=mode, asked_s=now_s)
+    supervision = replace(supervision, asked_mode=mode, asked_s=now_s, landing_asked=False)
     return supervision, () if mode is FlightMode.TAKEOFF else (mode,)
 
 
@@ -205,7 +207,10 @@ def _enter(
         return replace(supervision, asked_mode=mode, asked_s=now_s, asks=1, settled_s=settled_s), (mode,)
     if before.state is State.RELEASING and state is State.READY and before.asked_mode is not FlightMode.HOLD:
         # A Land or Return that was asked for may still take effect.
+        supervision = replace(supervision, landing_asked=before.landing_asked)
         return replace(supervision, asked_mode=before.asked_mode, asked_s=before.asked_s), ()
+    if reason == "land_overtook_hold":
+        return _ask(supervision, FlightMode.HOLD, now_s)
     if state is State.READY and reason in ("engage_refused", "estimate_lost"):
         # An OFFBOARD that was asked for may still take effect.
         return replace(supervision, asked_mode=FlightMode.HOLD, asked_s=now_s), (FlightMode.HOLD,)
@@ -243,6 +248,9 @@ def _continue(
             return _ask(supervision, FlightMode.OFFBOARD, now_s)
     if _stalled_and_still_offboard(supervision, status, timing):
         return replace(supervision, asks=1), (FlightMode.HOLD,)
+    overtaken = supervision.reason == "land_overtook_hold" and supervision.asks < UNDO_ASKS and not refused
+    if overtaken and now_s - supervision.asked_s >= timing.retry_s:
+        return _ask(supervision, FlightMode.HOLD, now_s)
     if supervision.state is State.RELEASING:
         return _hand_over(supervision, refused, status.heard, now_s, timing)
     return supervision, ()

@@ -91,6 +91,7 @@ TABLE: tuple[Row, ...] = (
     # Requests while the autopilot flies or waits.
     Row(frozenset({_S.READY, _S.PILOT, _S.FAULT}), ("engage_asked", "engageable"), _S.ENGAGING, "requested"),
     Row(_WATCHING - {_S.READY}, ("hold_confirmed", "!failsafe"), _S.READY, "requested"),
+    Row(frozenset({_S.READY}), ("landing_late",), _S.LANDING, "land_overtook_hold"),
     Row(frozenset({_S.READY}), ("landing_confirmed", "fence_drifts"), _S.LANDING, "geofence"),
     Row(_WATCHING - {_S.LANDING}, ("landing_confirmed",), _S.LANDING, "requested"),
     Row(_WATCHING - {_S.TAKING_OFF}, ("takeoff_confirmed",), _S.TAKING_OFF, "requested"),

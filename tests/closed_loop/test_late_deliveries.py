@@ -77,3 +77,22 @@ def test_a_battery_landing_goes_on_when_the_offboard_of_an_engage_comes_later(de
         assert 0.0 < offboard_s < delay_s + 0.1
 
     fly(scenario, parameters={"COM_LOW_BAT_ACT": 3, "COM_FAIL_ACT_T": 0.0})
+
+
+@pytest.mark.parametrize(("delay_s", "direction"), [(0.16, "both"), (0.33, "up")])
+def test_a_vehicle_that_was_to_hold_does_not_land_for_a_slow_link(delay_s: float, direction: str) -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne()
+        await flight.goto(30.0, 0.0, -5.0)
+        await _passes(flight, 2.0)
+        flight.px4.inject(Link(direction=direction, delay_s=delay_s))
+        hold = asyncio.ensure_future(flight.vehicle.commander.hold())
+        await _passes(flight, 0.4)
+        flight.px4.faults.clear()
+        await hold
+        await flight.until(lambda: flight.px4.mode is FlightMode.LAND, 1.0)
+        await _passes(flight, 3.0)
+        assert (flight.px4.mode, flight.state) == (FlightMode.HOLD, State.READY)
+        assert flight.position[2] < -4.0
+
+    fly(scenario)

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 from support.statuses import IN_HOLD, IN_OFFBOARD
-from support.supervision_rig import releasing, tracking, vehicle_at
+from support.supervision_rig import Rig, releasing, tracking, vehicle_at
 
 from daemon.messages import (
     FlightMode,
@@ -253,3 +253,71 @@ def test_a_hold_that_was_given_for_another_reason_than_the_fence_is_left_alone_b
     rig.set(state=vehicle_at((0.0, 0.0, -140.0)))
     rig.tick(400)
     assert rig.asked == []
+
+
+def _held_after_land_was_asked_for() -> Rig:
+    """Hold did not show within 0.3 s, Land was asked for, and then Hold shows."""
+    rig = releasing()
+    rig.tick(40)
+    assert rig.asked[-1][1] is FlightMode.LAND
+    rig.status(IN_HOLD)
+    assert rig.tick() is State.READY
+    rig.asked.clear()
+    return rig
+
+
+IN_LAND = replace(IN_HOLD, mode=FlightMode.LAND, intended_mode=FlightMode.LAND)
+
+
+def test_the_lands_of_a_release_that_come_after_hold_are_answered_by_hold() -> None:
+    rig = _held_after_land_was_asked_for()
+    rig.tick(25)
+    rig.status(IN_LAND)
+    assert rig.tick() is State.LANDING
+    assert rig.supervision.reason == "land_overtook_hold"
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD]
+    rig.tick(10)
+    rig.status(IN_HOLD)
+    assert rig.tick() is State.READY
+    assert len(rig.asked) == 1
+
+
+def test_that_answer_is_repeated_thrice_and_not_after_a_refusal() -> None:
+    rig = _held_after_land_was_asked_for().status(IN_LAND)
+    rig.tick(300)
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD] * 3
+    rig = _held_after_land_was_asked_for().status(IN_LAND)
+    rig.tick()
+    rig.status(IN_LAND, mode_refusal=ModeRefusal(FlightMode.HOLD, "no position", rig.now_s)).tick(300)
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD]
+
+
+def test_a_land_that_shows_more_than_a_second_later_is_somebody_elses() -> None:
+    rig = _held_after_land_was_asked_for()
+    rig.tick(110)
+    rig.status(IN_LAND)
+    assert rig.tick(50) is State.PILOT
+    assert rig.asked == []
+
+
+def test_a_land_that_a_person_asks_for_after_that_is_one() -> None:
+    rig = _held_after_land_was_asked_for().ask(RequestKind.LAND)
+    rig.tick(5)
+    rig.status(IN_LAND)
+    assert rig.tick() is State.LANDING
+    assert rig.supervision.reason == "requested"
+    rig.tick(100)
+    assert [mode for _, mode in rig.asked] == [FlightMode.LAND]
+
+
+def test_a_fence_that_is_left_after_that_is_answered_by_land() -> None:
+    rig = tracking()
+    rig.bounds = Bounds(fence=Geofence(ceiling_m=120.0, hard_margin_m=5.0), fence_beyond=FlightMode.LAND)
+    rig.set(state=vehicle_at((0.0, 0.0, -126.0))).tick(40)
+    rig.status(IN_HOLD)
+    assert rig.tick(350) is State.READY
+    rig.set(state=vehicle_at((0.0, 0.0, -131.0))).tick(10)
+    assert rig.asked[-1][1] is FlightMode.LAND
+    rig.status(IN_LAND)
+    assert rig.tick() is State.LANDING
+    assert rig.supervision.reason == "geofence"

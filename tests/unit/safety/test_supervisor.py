@@ -77,6 +77,14 @@ def test_a_failsafe_of_the_autopilot_counts_in_flight() -> None:
     assert after(State.STANDBY, failsafe=True) is None
 
 
+def test_a_fall_back_land_that_comes_after_hold_is_a_landing_for_a_reason_of_its_own() -> None:
+    assert after(State.READY, landing_late=True, hold=False, fence_drifts=True) == (
+        State.LANDING,
+        "land_overtook_hold",
+    )
+    assert after(State.PILOT, landing_late=True) is None
+
+
 def test_hold_ends_flying_even_when_nobody_asked_for_it() -> None:
     for state in FLYING:
         assert after(state, offboard=False, hold=True) == (State.PILOT, "pilot_override")
