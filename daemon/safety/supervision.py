@@ -205,8 +205,9 @@ def _enter(
         asked_s = offboard_s if mode is FlightMode.HOLD else now_s
         settled_s = asked_s + timing.settle_s if before.state is State.ENGAGING else -inf
         return replace(supervision, asked_mode=mode, asked_s=now_s, asks=1, settled_s=settled_s), (mode,)
-    if before.state is State.RELEASING and state is State.READY and before.asked_mode is not FlightMode.HOLD:
-        # A Land or Return that was asked for may still take effect.
+    ends = (before.state, state) in ((State.RELEASING, State.READY), (State.READY, State.PILOT))
+    if ends and before.asked_mode in (FlightMode.LAND, FlightMode.RETURN):
+        # It may still take effect, over a pilot's mode too that it crossed on its way.
         supervision = replace(supervision, landing_asked=before.landing_asked)
         return replace(supervision, asked_mode=before.asked_mode, asked_s=before.asked_s), ()
     if reason == "land_overtook_hold":

@@ -121,3 +121,16 @@ def test_a_mode_that_was_refused_and_comes_all_the_same_is_somebody_elses(kind: 
     assert rig.tick(10) is State.PILOT
     rig.ask(kind).tick(2)
     assert rig.supervision.state is not State.PILOT, "an older refusal does not count"
+
+
+@pytest.mark.parametrize("kind", [RequestKind.LAND, RequestKind.RETURN])
+def test_a_landing_that_takes_effect_over_a_pilots_mode_that_it_crossed_is_told_as_requested(kind: RequestKind) -> None:
+    mode = {RequestKind.LAND: FlightMode.LAND, RequestKind.RETURN: FlightMode.RETURN}[kind]
+    rig = ready().ask(kind)
+    rig.tick(3)
+    rig.status(IN_HOLD, mode=FlightMode.POSITION, intended_mode=FlightMode.POSITION)
+    assert rig.tick(3) is State.PILOT
+    rig.status(IN_HOLD, mode=mode, intended_mode=mode)
+    assert rig.tick() is State.LANDING
+    assert rig.supervision.reason == "requested"
+    assert [m for _, m in rig.asked] == [mode]
