@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 
 from daemon import demands
 from daemon.messages import GRAVITY_M_S2
+from daemon.safety.geofence import polygon_fault
 
 
 def _number(low: float, high: float, unit: str | None, settable: bool = False) -> Any:
@@ -208,6 +209,9 @@ class Fence(Section):
             raise ValueError(f"floor_m {self.floor_m:g} is not below ceiling_m {self.ceiling_m:g}")
         if 0 < len(self.polygon_ne_m) < 3:
             raise ValueError("polygon_ne_m needs three corners or more")
+        fault = polygon_fault(self.polygon_ne_m) if self.polygon_ne_m else None
+        if fault is not None:
+            raise ValueError(f"polygon_ne_m {fault}")
         return self
 
 

@@ -60,6 +60,10 @@ def test_each_shipped_file_is_good_and_gives_parameters(file: Path) -> None:
         ("safety:\n  coast_s: 0.5\n", ["safety", "coast_s 0.5 is not below lost_s 0.5"]),
         ("safety:\n  fence:\n    floor_m: 200\n", ["safety.fence", "floor_m 200 is not below ceiling_m 120"]),
         ("safety:\n  fence:\n    polygon_ne_m: [[0, 0], [1, 1]]\n", ["three corners"]),
+        (
+            "safety:\n  fence:\n    polygon_ne_m: [[0, 0], [9, 9], [9, 0], [0, 12]]\n",
+            ["safety.fence", "crosses itself"],
+        ),
         ("link:\n  connection: foo://bar\n", ["link.connection", "'foo://bar'", "udpin://0.0.0.0:14540"]),
         ("link:\n  connection: udpin://127.0.0.1\n", ["link.connection"]),
         ("link:\n  connection: udpin://:14540\n", ["link.connection"]),

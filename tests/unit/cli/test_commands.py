@@ -35,7 +35,7 @@ def test_goto_refused_is_2_with_the_field_and_the_reason(flightd, path):
         done = flightd("goto", "0", "0", "-250")
         as_json = flightd("goto", "0", "0", "-250", "--json")
     assert done.returncode == 2
-    assert "waypoint.position[2]: -250 m is above the fence's ceiling of 120 m" in done.err
+    assert "waypoint.position[2]: a height of 250 m is above the fence's ceiling of 120 m" in done.err
     assert json.loads(as_json.out)["error"]["field"] == "waypoint.position[2]"
 
 

@@ -105,7 +105,7 @@ class FakeFlight:
         if params.waypoint is not None and params.waypoint.position is not None:
             down = params.waypoint.position[2]
             if params.waypoint.frame == "local_ned" and -down > CEILING_M:
-                reason = f"{down:g} m is above the fence's ceiling of {CEILING_M:g} m"
+                reason = f"a height of {-down:g} m is above the fence's ceiling of {CEILING_M:g} m"
                 raise ProtocolError(ErrorCode.REFUSED, reason, "waypoint.position[2]")
             if down == -13.0:
                 raise RuntimeError("a mistake of the daemon's")

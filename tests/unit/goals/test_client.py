@@ -60,7 +60,7 @@ async def test_errors_are_exceptions_with_field_and_reason(path):
         with pytest.raises(RefusedError) as refused:
             await flight.goto(0, 0, -250)
         assert refused.value.field == "waypoint.position[2]"
-        assert str(refused.value) == "waypoint.position[2]: -250 m is above the fence's ceiling of 120 m"
+        assert str(refused.value) == "waypoint.position[2]: a height of 250 m is above the fence's ceiling of 120 m"
         with pytest.raises(InvalidRequestError) as invalid:
             await flight.goto(0, 0, -2, frame="moon")
         assert invalid.value.field == "waypoint.frame"

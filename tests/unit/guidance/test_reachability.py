@@ -29,7 +29,7 @@ START = Reference(time_s=0.0, position_ned_m=(0.0, 0.0, -10.0))
 
 def fence(position: Vec3) -> tuple[int, str] | None:
     if -position[2] > 120.0:
-        return 2, f"{position[2]:g} m is above the fence's ceiling of 120 m"
+        return 2, f"a height of {-position[2]:g} m is above the fence's ceiling of 120 m"
     return (0, f"{position[0]:g} m is beyond 60 m") if abs(position[0]) > 60.0 else None
 
 
@@ -46,7 +46,7 @@ def circle(**change: object) -> ShapeGoal:
 
 
 BAD: list[tuple[Goal, str, str]] = [
-    (at(0.0, 0.0, -250.0), "waypoint.position[2]", "-250 m is above the fence's ceiling of 120 m"),
+    (at(0.0, 0.0, -250.0), "waypoint.position[2]", "a height of 250 m is above the fence's ceiling of 120 m"),
     (at(nan, 0.0, -10.0), "waypoint.position[0]", "nan is not finite"),
     (at(0.0, 400.0, -10.0), "waypoint.position", "is 400 m away; at most 300 m are allowed"),
     (

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.safety.geofence import Geofence, between, excess_m, violation
+from daemon.safety.geofence import Geofence, between, excess_m, polygon_fault, violation
 
 CYLINDER = Geofence(anchor_ned_m=(10.0, 20.0, 1.0), radius_m=50.0, floor_m=0.5, ceiling_m=30.0)
 # An L: the notch north-east of (50, 50) is outside.
@@ -48,8 +48,8 @@ def test_a_many_sided_polygon_is_nearly_its_circle(n: float, e: float) -> None:
 
 
 def test_reasons_name_the_axis_and_the_bound() -> None:
-    assert violation(CYLINDER, (10.0, 20.0, -250.0)) == (2, "-250 m is above the fence's ceiling of 30 m")
-    assert violation(CYLINDER, (10.0, 20.0, 0.9)) == (2, "0.9 m is below the fence's floor of 0.5 m")
+    assert violation(CYLINDER, (10.0, 20.0, -250.0)) == (2, "a height of 251 m is above the fence's ceiling of 30 m")
+    assert violation(CYLINDER, (10.0, 20.0, 0.9)) == (2, "a height of 0.1 m is below the fence's floor of 0.5 m")
     axis, reason = violation(CYLINDER, (10.0, 120.0, -4.0)) or (None, "")
     assert axis == 1
     assert "100.0 m from the anchor is outside the fence's radius of 50 m" in reason
@@ -95,6 +95,11 @@ def test_a_way_from_below_the_floor_is_looked_at_from_where_it_comes_inside() ->
     raised = Geofence(polygon_ne_m=L_SHAPE.polygon_ne_m, floor_m=2.0, ceiling_m=30.0)
     pieces = between(raised, (90.0, 40.0, 0.0), (40.0, 90.0, -20.0))
     assert [violation(raised, place) is None for place in pieces] == [False, True, False, True]
+
+
+def test_a_way_from_above_the_ceiling_is_looked_at_from_where_it_comes_inside() -> None:
+    pieces = between(L_SHAPE, (90.0, 40.0, -35.0), (40.0, 90.0, -5.0))
+    assert [violation(L_SHAPE, place) is None for place in pieces] == [False, True, False, True]
 
 
 @given(coordinates, coordinates, coordinates)
@@ -163,3 +168,39 @@ def test_no_number_is_infinitely_far_outside(place: int) -> None:
     position[place] = nan
     for fence in (CYLINDER, L_SHAPE, Geofence(radius_m=5.0)):
         assert excess_m(fence, (position[0], position[1], position[2])) == inf
+        assert violation(fence, (position[0], position[1], position[2])) == (0, "no number is inside the fence")
+
+
+BOX = [(0.0, 0.0), (9.0, 0.0), (9.0, 9.0), (0.0, 9.0)]
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        BOX,
+        BOX[::-1],
+        [*BOX, BOX[0]],
+        [BOX[0], *BOX],
+        [(0.0, 0.0), (100.0, 0.0), (100.0, 50.0), (50.0, 50.0), (50.0, 100.0), (0.0, 100.0)],
+        [(0.0, 0.0), (3.0, 0.0), (0.0, 3.0)],
+    ],
+)
+def test_a_polygon_that_encloses_a_place_is_taken(corners: list[tuple[float, float]]) -> None:
+    assert polygon_fault(corners) is None
+
+
+@pytest.mark.parametrize(
+    ("corners", "words"),
+    [
+        ([(0.0, 0.0), (9.0, 9.0), (9.0, 0.0), (0.0, 12.0)], "crosses itself"),
+        ([(0.0, 0.0), (9.0, 0.0), (9.0, 9.0), (4.0, 0.0), (0.0, 9.0)], "crosses itself"),
+        ([(0.0, 0.0), (30.0, 0.0), (10.0, 5.0), (30.0, 9.0), (10.0, -3.0)], "crosses itself"),
+        ([(0.0, 0.0), (5.0, 5.0), (9.0, 9.0)], "less than 1 m2"),
+        ([(3.0, 3.0), (3.0, 3.0), (3.0, 3.0)], "less than 1 m2"),
+    ],
+)
+def test_a_polygon_that_crosses_or_touches_itself_or_is_flat_is_not(
+    corners: list[tuple[float, float]], words: str
+) -> None:
+    assert words in (polygon_fault(corners) or "")
+    assert words in (polygon_fault(corners[::-1]) or "")
