@@ -60,6 +60,17 @@ class LandedState(IntEnum):
     LANDING = 4
 
 
+class BatteryCharge(IntEnum):
+    """MAV_BATTERY_CHARGE_STATE as PX4 has it: what it calls a battery by its own thresholds."""
+
+    UNDEFINED = 0
+    OK = 1
+    LOW = 2
+    CRITICAL = 3
+    EMERGENCY = 4
+    FAILED = 5
+
+
 class SystemStatus(IntEnum):
     """MAV_STATE; CRITICAL means that a failsafe of the autopilot acts."""
 
@@ -155,7 +166,8 @@ class AutopilotStatus:
     """What the autopilot says of itself, newest of each message; ``heartbeat_s`` is the last HEARTBEAT's arrival.
 
     ``mode`` is the newest of CURRENT_MODE, HEARTBEAT and EVENT; ``heard``: messages flow, and it was told since they
-    do. ``boot_count`` steps when the autopilot rebooted.
+    do. ``boot_count`` steps when the autopilot rebooted. ``battery_charge`` is that of the worst battery,
+    ``battery_id``.
     """
 
     connected: bool = False
@@ -166,6 +178,8 @@ class AutopilotStatus:
     landed: LandedState = LandedState.UNDEFINED
     system_status: SystemStatus = SystemStatus.UNINIT
     battery_fraction: float | None = None
+    battery_charge: BatteryCharge = BatteryCharge.UNDEFINED
+    battery_id: int = 0
     global_position: GlobalPosition | None = None
     home: GlobalPosition | None = None
     global_origin: GlobalPosition | None = None

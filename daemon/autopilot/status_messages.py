@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from daemon.autopilot import decode
 from daemon.autopilot.px4 import MAV_AUTOPILOT_PX4, Fields, is_armed, mode_from_custom
-from daemon.messages import AutopilotStatus, FlightMode, LandedState, SystemStatus
+from daemon.messages import AutopilotStatus, BatteryCharge, FlightMode, LandedState, SystemStatus
 
 After = Callable[[AutopilotStatus, Fields, float], AutopilotStatus]
 
@@ -47,6 +47,14 @@ def _sys_status(status: AutopilotStatus, fields: Fields, _now_s: float) -> Autop
     return replace(status, battery_fraction=decode.battery_fraction(fields))
 
 
+def _battery_status(status: AutopilotStatus, fields: Fields, _now_s: float) -> AutopilotStatus:
+    """Each battery has its message: the worst one's counts, until it is better or another one is worse."""
+    charge, battery_id = BatteryCharge(int(fields["charge_state"])), int(fields["id"])
+    if battery_id != status.battery_id and charge <= status.battery_charge:
+        return status
+    return replace(status, battery_charge=charge, battery_id=battery_id)
+
+
 def _global_position(status: AutopilotStatus, fields: Fields, _now_s: float) -> AutopilotStatus:
     return replace(status, global_position=decode.global_position(fields, "lat", "lon", "alt"))
 
@@ -65,6 +73,7 @@ AFTER: Mapping[str, After] = {
     "CURRENT_MODE": _current_mode,
     "EXTENDED_SYS_STATE": _extended_sys_state,
     "SYS_STATUS": _sys_status,
+    "BATTERY_STATUS": _battery_status,
     "GLOBAL_POSITION_INT": _global_position,
     "HOME_POSITION": _home_position,
     "GPS_GLOBAL_ORIGIN": _global_origin,

@@ -1,6 +1,14 @@
 """What hinders an engage, in words: the vehicle's state, and a mode that was asked for and may still come."""
 
-from daemon.messages import AutopilotStatus, FlightMode, LandedState, RequestKind, SystemStatus, VehicleRequest
+from daemon.messages import (
+    AutopilotStatus,
+    BatteryCharge,
+    FlightMode,
+    LandedState,
+    RequestKind,
+    SystemStatus,
+    VehicleRequest,
+)
 from daemon.pipeline import Record
 
 
@@ -23,6 +31,10 @@ def hindrances(
             (
                 status.system_status is not SystemStatus.ACTIVE,
                 f"the autopilot's system status is {status.system_status.name.lower()}",
+            ),
+            (
+                status.battery_charge >= BatteryCharge.CRITICAL,
+                f"the autopilot calls the battery {status.battery_charge.name.lower()}",
             ),
             (not record.conditions.state_usable, "there is no fresh estimate"),
             (record.conditions.estimate_poor, "the position estimate is too uncertain"),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from daemon import frames, logs
 from daemon.loops.grid import Grid
 from daemon.loops.parameter_watch import ParameterWatch
-from daemon.messages import ZERO3, AutopilotStatus, FrameShift, Vec3
+from daemon.messages import ZERO3, AutopilotStatus, BatteryCharge, FrameShift, Vec3
 from daemon.notify import notify
 from daemon.parameters import geofence
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 SLIP_PERIOD_S = 5.0
 SLIP_SHARE = 0.02
-SLOW_STREAMS = "slow_streams"
 
 log = logs.get("health")
 
@@ -35,7 +34,6 @@ class HealthTask:
         self._grid = grid
         self._ticks = (-1, -1)
         self._parameters = ParameterWatch(vehicle, self.warnings)
-        self._slow_streams: tuple[str, ...] = ()
         self._connection: tuple[bool, int] = (False, -1)
         self._asking: asyncio.Task[None] | None = None
         self._missed: dict[str, int] = {}
@@ -60,16 +58,31 @@ class HealthTask:
         for name, text in vehicle.control.watchers.failures.items():
             self.warnings[f"{name}_failed"] = text
         for name, ask in self.asked.items():
-            warning = ask()
-            if warning is None:
-                self.warnings.pop(name, None)
-            else:
-                self.warnings[name] = warning
+            self._tell(name, ask())
         status = vehicle.autopilot.status.value
-        self._judge_streams(self._vehicle.autopilot.slow_streams.value if status.connected else ())
         self._follow_fence(status)
         self._parameters.judge_thrust()
+        self._warn_of(status)
         self._follow_connection((status.connected, status.boot_count))
+
+    def _warn_of(self, status: AutopilotStatus) -> None:
+        slow = ", ".join(self._vehicle.autopilot.slow_streams.value) if status.connected else ""
+        text = f"{slow} of the autopilot: fewer than needed arrive; look at baud rate and MAV_*_RATE"
+        self._tell("slow_streams", text if slow else None)
+        charge = status.battery_charge
+        low = charge >= BatteryCharge.LOW
+        self._tell("battery", f"the autopilot calls the battery {charge.name.lower()}" if low else None)
+        homeless = status.armed and status.home is None and status.home_ned_m is None
+        astray = homeless and self._vehicle.config.safety.fence.anchor == "home"
+        self._tell("home_unknown", "no home position: the fence lies about the local origin" if astray else None)
+
+    def _tell(self, name: str, text: str | None) -> None:
+        """A warning from now on; None: no longer."""
+        if text is None:
+            self.warnings.pop(name, None)
+        elif text != self.warnings.get(name):
+            self.warnings[name] = text
+            log.warning(name, text=text)
 
     def _follow_connection(self, connection: tuple[bool, int]) -> None:
         """Ask for the parameters anew at each connection and reboot."""
@@ -89,28 +102,9 @@ class HealthTask:
         for name, grid in (("control", self._vehicle.control.grid), ("trajectory", self._vehicle.trajectory.grid)):
             missed = grid.statistics.missed
             lately, self._missed[name] = missed - self._missed.get(name, missed), missed
-            key, slips = f"{name}_slips", lately * grid.period_s > SLIP_SHARE * SLIP_PERIOD_S
-            if slips:
-                self.warnings[key] = (
-                    f"the {name} task missed {lately} ticks in {SLIP_PERIOD_S:g} s: the machine is busy"
-                )
-                log.warning("grid_slips", task=name, missed=lately, within_s=SLIP_PERIOD_S)
-            else:
-                self.warnings.pop(key, None)
-
-    def _judge_streams(self, slow: tuple[str, ...]) -> None:
-        """Warn while messages come more seldom than they must."""
-        if slow == self._slow_streams:
-            return
-        self._slow_streams = slow
-        self.warnings.pop(SLOW_STREAMS, None)
-        if slow:
-            self.warnings[SLOW_STREAMS] = (
-                f"{', '.join(slow)} of the autopilot: fewer than needed arrive; look at baud rate and MAV_*_RATE"
-            )
-            log.warning(SLOW_STREAMS, streams=slow)
-        else:
-            log.info("streams_recovered")
+            slips = lately * grid.period_s > SLIP_SHARE * SLIP_PERIOD_S
+            text = f"the {name} task missed {lately} ticks in {SLIP_PERIOD_S:g} s: the machine is busy"
+            self._tell(f"{name}_slips", text if slips else None)
 
     def _follow_fence(self, status: AutopilotStatus) -> None:
         """The fence's anchor, where the local frame of now calls it."""

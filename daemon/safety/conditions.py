@@ -7,6 +7,7 @@ from daemon.frames import add, norm, tilt_of
 from daemon.messages import (
     ZERO3,
     AutopilotStatus,
+    BatteryCharge,
     EstimatedState,
     FlightMode,
     LandedState,
@@ -214,6 +215,7 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds, **other
         and status.landed is LandedState.IN_AIR
         and status.system_status is SystemStatus.ACTIVE
         and not differs
+        and status.battery_charge < BatteryCharge.CRITICAL
         and usable
         and not poor
         and not facts.variance_grows

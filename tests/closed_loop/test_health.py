@@ -3,11 +3,12 @@
 import pytest
 from support.flight import CALLER, Flight, fly
 
+from daemon.goals.errors import ProtocolError
 from daemon.goals.methods import NoParams
 from daemon.reports import Reports
 from daemon.safety.supervisor import State
 from daemon.sim.fault import Fault
-from daemon.sim.faults import Link, StoppedTelemetry
+from daemon.sim.faults import BatteryLow, Link, StoppedTelemetry
 
 
 async def standing_by(flight: Flight) -> None:
@@ -77,7 +78,38 @@ def test_a_stream_that_comes_too_seldom_is_told_until(end: Fault | None) -> None
         told = {reason["code"]: reason["text"] for reason in Reports(flight.vehicle).reasons("goal")}
         assert told["slow_streams"].startswith("HIGHRES_IMU of the autopilot")
         flight.px4.faults.clear() if end is None else flight.px4.inject(end)
-        await later(flight, 4.5 if end is None else 1.0)
+        await later(flight, 4.5 if end is None else 2.0)
         assert "slow_streams" not in flight.vehicle.health.warnings
 
     fly(scenario)
+
+
+def test_a_battery_that_the_autopilot_calls_critical_is_told_and_hinders_an_engage() -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne(engage=False)
+        assert "battery" not in flight.vehicle.health.warnings
+        flight.px4.inject(BatteryLow(fraction=0.14, failsafe=False))
+        await later(flight, 3.0)
+        assert flight.vehicle.health.warnings["battery"] == "the autopilot calls the battery low"
+        flight.px4.inject(BatteryLow(fraction=0.06, failsafe=False))
+        await later(flight, 3.0)
+        assert flight.vehicle.health.warnings["battery"] == "the autopilot calls the battery critical"
+        with pytest.raises(ProtocolError, match="the autopilot calls the battery critical"):
+            await flight.goto(5.0, 0.0, -5.0)
+        assert flight.sent == []
+
+    fly(scenario, parameters={"CBRK_SUPPLY_CHK": 0, "COM_LOW_BAT_ACT": 0})
+
+
+@pytest.mark.parametrize(("anchor", "told"), [("home", True), ("origin", False)])
+def test_a_fence_about_a_home_that_nobody_tells_is_warned_of_until_it_is_told(anchor: str, told: bool) -> None:
+    async def scenario(flight: Flight) -> None:
+        take, silent = flight.px4.take_outgoing, True
+        flight.px4.take_outgoing = lambda: [m for m in take() if not (silent and m[0] == "HOME_POSITION")]  # type: ignore[method-assign]
+        await flight.airborne()
+        assert ("home_unknown" in flight.vehicle.health.warnings) is told
+        silent = False
+        await later(flight, 3.0)
+        assert "home_unknown" not in flight.vehicle.health.warnings
+
+    fly(scenario, config={"safety": {"fence": {"anchor": anchor}}})

@@ -40,6 +40,14 @@ def test_status_takes_places_and_battery(session: Px4Session) -> None:
     assert status.home_ned_m == (-0.0028, 0.0026, -0.039)
 
 
+def test_of_several_batteries_the_worst_is_told_and_no_longer_than_it_is_bad(session: Px4Session) -> None:
+    told = []
+    for battery, charge in ((0, 1), (1, 2), (0, 1), (1, 3), (0, 2), (1, 1), (0, 2), (1, 1)):
+        session.receive("BATTERY_STATUS", {"id": battery, "charge_state": charge}, 0.1)
+        told.append(int(session.status.value.battery_charge))
+    assert told == [1, 2, 2, 3, 3, 1, 2, 2]
+
+
 def test_events_are_kept_as_words(session: Px4Session) -> None:
     session.receive("EVENT", {"id": 22400324, "arguments": ""}, 0.1)
     session.receive("EVENT", {"id": 17154777, "arguments": "0800000014"}, 0.1)

@@ -7,7 +7,15 @@ from support.statuses import IN_HOLD
 from support.trajectory_rig import NOTHING
 
 from daemon.loops.engageable import hindrances
-from daemon.messages import FlightMode, LandedState, ModeRefusal, RequestKind, SystemStatus, VehicleRequest
+from daemon.messages import (
+    BatteryCharge,
+    FlightMode,
+    LandedState,
+    ModeRefusal,
+    RequestKind,
+    SystemStatus,
+    VehicleRequest,
+)
 
 PATIENCE_S = 2.5
 NOW_S = 100.0
@@ -54,6 +62,8 @@ def test_what_would_hand_the_vehicle_over_at_once_hinders(condition: str, words:
         ({"mode": FlightMode.MISSION, "intended_mode": FlightMode.MISSION}, "the mode is mission, not hold"),
         ({"intended_mode": FlightMode.MISSION}, "intends mission: a failsafe acts"),
         ({"system_status": SystemStatus.CRITICAL}, "system status is critical"),
+        ({"battery_charge": BatteryCharge.CRITICAL}, "calls the battery critical"),
+        ({"battery_charge": BatteryCharge.EMERGENCY}, "calls the battery emergency"),
     ],
 )
 def test_an_autopilot_that_is_not_quietly_in_hold_hinders(changes: dict[str, object], words: str) -> None:

@@ -8,7 +8,7 @@ import pytest
 import yaml
 from support.statuses import IN_HOLD
 
-from daemon.messages import EstimatedState, FlightMode, LandedState, SystemStatus
+from daemon.messages import BatteryCharge, EstimatedState, FlightMode, LandedState, SystemStatus
 from daemon.safety.conditions import Bounds, Conditions, Facts, Lasting, Memory, evaluate, in_flight, lasting
 from daemon.safety.dead_man import DeadManTiming
 from daemon.safety.geofence import Geofence
@@ -251,8 +251,12 @@ def test_what_makes_a_vehicle_engageable_is_needed_all_together() -> None:
         moving(21.0),
         charged(0.2),
         at_height(126.0),
+        replace(CALM, status=replace(IN_HOLD, battery_charge=BatteryCharge.CRITICAL)),
+        replace(CALM, status=replace(IN_HOLD, battery_charge=BatteryCharge.EMERGENCY)),
     ):
         assert not Ticks(bounds).run(spoiled, 5.5).engageable, spoiled
+    low = replace(CALM, status=replace(IN_HOLD, battery_charge=BatteryCharge.LOW))
+    assert Ticks(bounds).run(low, 5.5).engageable, "a low battery is not yet a critical one"
     assert Ticks(bounds).run(at_height(124.0), 5.5).engageable, "it may be flown back from the margin"
 
 
