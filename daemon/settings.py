@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
-from daemon import demands
+from daemon import demands, stability
 from daemon.messages import GRAVITY_M_S2
 from daemon.safety.geofence import polygon_fault
 
@@ -20,7 +20,6 @@ def _number(low: float, high: float, unit: str | None, settable: bool = False) -
 # What MAVSDK takes; others it refuses each time anew, at run time.
 _CONNECTION = re.compile(r"(udp|tcp)://\S*:\d+|(udp|tcp)(in|out)://\S+:\d+|serial(_flowcontrol)?://\S+:\d+")
 DEFAULT_HOVER_THRUST = 0.5  # until the autopilot tells its own
-_DEAD_TIME_S = 0.03  # of PX4 and its rotors, from the command to the first of it
 
 
 class Section(BaseModel):
@@ -146,32 +145,11 @@ class Control(Section):
 
     @model_validator(mode="after")
     def _stable(self) -> "Control":
-        """`control.position_gain_1_s2` and `velocity_gain_1_s` must not swing with `attitude_time_constant_s`,
-        `rate_lag_s` and `thrust_lag_s`: v (1 - v T) > p t, and down v > p T ([why](control.md#limits-limitspy)).
+        """`control.attitude_time_constant_s` needs a phase margin of 35 deg with `rate_lag_s`; `position_gain_1_s2` and
+        `velocity_gain_1_s` must not swing with both and `thrust_lag_s` ([why](control.md#limits-limitspy)).
         """
-        require_stable(self)
+        stability.require_stable(self)
         return self
-
-
-def require_stable(control: Control) -> None:
-    """Raise ``ValueError`` when the loops would swing: the criterion of Routh and Hurwitz on gains and lags.
-
-    Horizontally, attitude and rate loop lie between command and acceleration: v (1 - v T) > p t with the gains p and v,
-    the attitude's time constant t, and T the rate loop's lag with its dead time. Vertically the lag of thrust: v > p T.
-    """
-    lag_s = max(control.rate_lag_s[:2]) + _DEAD_TIME_S
-    attitude_s = max(control.attitude_time_constant_s[:2])
-    for p, v in tuple(zip(control.position_gain_1_s2, control.velocity_gain_1_s, strict=True))[:2]:
-        if not v * (1.0 - v * lag_s) > p * attitude_s:
-            raise ValueError(
-                f"position_gain_1_s2 {p:g} and velocity_gain_1_s {v:g} swing with attitude_time_constant_s "
-                f"{attitude_s:g} and a rate loop of {lag_s:g} s"
-            )
-    p, v, lag_s = control.position_gain_1_s2[2], control.velocity_gain_1_s[2], control.thrust_lag_s + _DEAD_TIME_S
-    if not v > p * lag_s:
-        raise ValueError(
-            f"position_gain_1_s2 {p:g} and velocity_gain_1_s {v:g} down swing with thrust {lag_s:g} s late"
-        )
 
 
 class Estimator(Section):
