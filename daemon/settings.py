@@ -3,7 +3,7 @@
 import hashlib
 import json
 import re
-from math import atan2, degrees
+from math import atan2, degrees, hypot
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
@@ -19,6 +19,8 @@ def _number(low: float, high: float, unit: str | None, settable: bool = False) -
 
 # What MAVSDK takes; others it refuses each time anew, at run time.
 _CONNECTION = re.compile(r"(udp|tcp)://\S*:\d+|(udp|tcp)(in|out)://\S+:\d+|serial(_flowcontrol)?://\S+:\d+")
+_SPEED_MARGIN = 1.2  # of the supervisor's bound over the limits of motion: gusts and the way back to the reference
+_TILT_MARGIN_DEG = 10.0  # of the supervisor's bound over the law's: a late vehicle in a gust
 DEFAULT_HOVER_THRUST = 0.5  # until the autopilot tells its own
 
 
@@ -279,6 +281,22 @@ class Config(Section):
                 f"guidance.limits.acceleration_m_s2 {limits.acceleration_m_s2:g} with vertical_acceleration_m_s2 "
                 f"{limits.vertical_acceleration_m_s2:g} down needs {needed_deg:.1f} deg of tilt: "
                 f"control.tilt_max_deg is {tilt_deg:g}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _within_safety(self) -> "Config":
+        limits, safety = self.guidance.limits, self.safety
+        speed_m_s = hypot(limits.speed_m_s, max(limits.climb_m_s, limits.descent_m_s))
+        if _SPEED_MARGIN * speed_m_s > safety.speed_max_m_s:
+            raise ValueError(
+                f"guidance.limits.speed_m_s {limits.speed_m_s:g} with climb_m_s or descent_m_s is {speed_m_s:.1f} m/s, "
+                f"and a fifth more with a gust: safety.speed_max_m_s is {safety.speed_max_m_s:g}"
+            )
+        if self.control.tilt_max_deg + _TILT_MARGIN_DEG > safety.tilt_max_deg:
+            raise ValueError(
+                f"control.tilt_max_deg {self.control.tilt_max_deg:g} is less than {_TILT_MARGIN_DEG:g} deg below "
+                f"safety.tilt_max_deg {safety.tilt_max_deg:g}"
             )
         return self
 

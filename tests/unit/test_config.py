@@ -163,3 +163,30 @@ def test_limits_that_need_more_tilt_than_there_is_are_refused() -> None:
     ):
         with_value(config, "guidance.limits.acceleration_m_s2", 8.0)
     assert with_value(config, "control.tilt_max_deg", 21.1).control.tilt_max_deg == 21.1
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "reason"),
+    [
+        ("guidance.limits.speed_m_s", 17.0, r"guidance\.limits\.speed_m_s 17 .*safety\.speed_max_m_s is 20"),
+        ("safety.speed_max_m_s", 6.0, r"guidance\.limits\.speed_m_s 5 .* 5\.4 m/s.*safety\.speed_max_m_s is 6"),
+        ("control.tilt_max_deg", 66.0, r"control\.tilt_max_deg 66 .*safety\.tilt_max_deg 75"),
+        ("safety.tilt_max_deg", 44.0, r"control\.tilt_max_deg 35 .*safety\.tilt_max_deg 44"),
+    ],
+)
+def test_limits_that_the_supervisor_would_end_the_flight_at_are_refused(path: str, value: float, reason: str) -> None:
+    with pytest.raises(ValidationError, match=reason):
+        with_value(load([]), path, value)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("guidance.limits.speed_m_s", 16.5),
+        ("safety.speed_max_m_s", 6.5),
+        ("control.tilt_max_deg", 65.0),
+        ("safety.tilt_max_deg", 45.0),
+    ],
+)
+def test_limits_with_room_to_the_supervisors_are_taken(path: str, value: float) -> None:
+    with_value(load([]), path, value)
