@@ -10,7 +10,7 @@ from support.flight import Flight, fly
 from daemon.loops.commander import Commander, NotPossibleError
 from daemon.messages import FlightMode
 from daemon.safety.supervisor import State
-from daemon.sim.faults import PilotTakesOver
+from daemon.sim.faults import Link, PilotTakesOver
 
 POSITION = 3 << 16
 POSITION_SLOW, ALTITUDE_CRUISE, RATTITUDE = 3 << 16 | 2 << 24, 11 << 16, 8 << 16  # px4_custom_mode.h
@@ -121,5 +121,27 @@ def test_hold_is_seen_and_not_followed_by_a_landing_though_the_request_for_the_m
         await flight.vehicle.commander.hold()
         assert {mode for _, mode in flight.asked[asked:]} == {FlightMode.HOLD}
         assert flight.state is State.READY
+
+    fly(scenario)
+
+
+@pytest.mark.parametrize("short_s", [0.02, 0.04])
+def test_a_return_that_a_pilot_chooses_as_the_daemon_takes_the_vehicle_is_flown(short_s: float) -> None:
+    """PX4 takes Return, and then the OFFBOARD that was on its way."""
+
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne(engage=False)
+        flight.px4.inject(Link(direction="up", delay_s=0.05))
+        engage = asyncio.ensure_future(flight.vehicle.commander.engage())
+        await flight.until(lambda: any(mode is FlightMode.OFFBOARD for _, mode in flight.asked))
+        await asyncio.sleep(0.05 - short_s)
+        flight.px4.pilot_switches_to(FlightMode.RETURN)
+        seen = set()
+        for _ in range(200):
+            seen.add(flight.px4.mode)
+            await asyncio.sleep(0.004)
+        await asyncio.gather(engage, return_exceptions=True)
+        assert FlightMode.OFFBOARD in seen, "it did come over the pilot's mode"
+        assert (flight.px4.mode, flight.state) == (FlightMode.RETURN, State.PILOT)
 
     fly(scenario)
