@@ -84,7 +84,7 @@ def rms_on_a_lemniscate(airframe: str, control: dict[str, object]) -> float:
         ]
         return float(np.sqrt(np.mean(np.sum(np.square(off), axis=0)[400:])))
 
-    limits = {"acceleration_m_s2": 6.0, "jerk_m_s3": 30.0}
+    limits = {"acceleration_m_s2": 5.4, "jerk_m_s3": 30.0}
     return fly_daemon(scenario, airframe=airframe, config={"control": control, "guidance": {"limits": limits}})
 
 
