@@ -1,7 +1,7 @@
 """What the controller commands, in hover, off its place, when it matches or levels, and with feed-forward."""
 
 from dataclasses import replace
-from math import cos, hypot, radians, sin
+from math import cos, hypot, nan, radians, sin
 
 import pytest
 from support.controller_rig import DT, HERE, P, at, flown
@@ -9,7 +9,7 @@ from support.controller_rig import DT, HERE, P, at, flown
 from daemon import frames
 from daemon.control import controller
 from daemon.control.parameters import AttitudeLaw
-from daemon.messages import IDENTITY, ZERO3, Reference
+from daemon.messages import IDENTITY, ZERO3, Quat, Reference
 
 
 @pytest.mark.parametrize("law", list(AttitudeLaw))
@@ -145,3 +145,22 @@ def test_match_raises_the_thrust_to_the_double_at_most(tilt_deg: float) -> None:
         controller.initial(p), at(1.0, attitude=frames.from_rpy(0.0, radians(tilt_deg), 0.0)), parameters=p
     )
     assert setpoint.thrust == pytest.approx(0.6)
+
+
+def test_without_any_state_the_thrust_is_that_which_hovers_within_its_limits() -> None:
+    """Hover thrust that was learned may lie outside: by a load, or where the limits were changed in flight."""
+    state = controller.initial(P)
+    weak, strong = (replace(state, model=replace(state.model, hover_thrust=hover)) for hover in (0.97, 0.03))
+    p = replace(P, thrust_min=0.2, thrust_max=0.9)
+    flown = [controller.blind(at_hover, parameters=p) for at_hover in (weak, strong, state)]
+    assert [setpoint.thrust for setpoint in flown] == [0.9, 0.2, P.hover_thrust]
+    assert [setpoint.rates_frd_rad_s for setpoint in flown] == [ZERO3] * 3
+
+
+@pytest.mark.parametrize(
+    "attitude", [(0.0, 0.0, 0.0, 0.0), (nan, 0.0, 0.0, 0.0), (2.0, 0.0, 0.0, 0.0), (0.1, 0.1, 0.0, 0.0)]
+)
+def test_an_attitude_that_is_no_rotation_is_not_levelled(attitude: Quat) -> None:
+    state = controller.initial(P)
+    setpoint = controller.level(state, at(0.0, attitude=attitude), parameters=P)
+    assert (setpoint.rates_frd_rad_s, setpoint.thrust) == (ZERO3, P.hover_thrust)

@@ -5,6 +5,7 @@ import pytest
 
 from daemon import frames
 from daemon.control import vehicle_model
+from daemon.control.drag import Drag
 from daemon.control.observer import Observer
 from daemon.control.parameters import ControlParameters
 from daemon.control.vehicle_model import VehicleModel
@@ -279,3 +280,22 @@ def test_a_vehicle_that_turns_late_is_seen_to_be_late() -> None:
     assert model.lateness.late_s == pytest.approx(0.045, abs=0.015)
     gap = vehicle_model.observed(model, EstimatedState(5.0, ZERO3, ZERO3, IDENTITY, (9.0, 0.0, 0.0)), P)
     assert gap.lateness is model.lateness
+
+
+@pytest.mark.parametrize(("spacing_s", "learns"), [(0.01, True), (0.09, True), (0.11, False)])
+def test_hover_thrust_is_learned_from_samples_that_follow_each_other(spacing_s: float, learns: bool) -> None:
+    """A vehicle that is pulled down: what is known of it serves no learning over a gap."""
+    pulled = Observer(0.0, unexplained=(0.0, 0.0, 2.0))
+    model = replace(VehicleModel(hover_thrust=0.5), thrust=0.5, by_velocity=pulled)
+    after = vehicle_model.observed(model, sample(spacing_s), P)
+    assert (after.hover_thrust > 0.5) is learns
+
+
+def test_a_gap_teaches_no_more_drag_than_the_longest_step_between_samples() -> None:
+    """Drag changes by at most 0.5 1/s each second: 0.05 1/s in 0.1 s, whatever the gap."""
+    against = Observer(0.0, unexplained=(-3.0, 0.0, 0.0))
+    known = Drag(steady_velocity_ne_m_s=(0.0, 0.0))
+    model = replace(VehicleModel(hover_thrust=0.5), thrust=0.5, by_velocity=against, drag=known)
+    velocity = (2.0, 0.0, 0.0)
+    after = vehicle_model.observed(model, sample(0.5, velocity), P, velocity)
+    assert after.drag.learned_1_s == pytest.approx(0.05)
