@@ -125,7 +125,6 @@ class Control(Section):
     velocity_bias_bandwidth_rad_s: float = _number(0.0, 20.0, "rad/s", settable=True)
     velocity_bias_max_m_s: float = _number(0.0, 5.0, "m/s", settable=True)
     velocity_yaw: bool
-    feedthrough: bool
     tilt_max_deg: float = _number(5.0, 80.0, "deg", settable=True)
     rate_max_deg_s: float = _number(20.0, 720.0, "deg/s", settable=True)
     yaw_rate_max_deg_s: float = _number(5.0, 360.0, "deg/s", settable=True)

@@ -71,7 +71,14 @@ def fly(
     """One pass on sound inputs: rates and thrust wanted, within the limits of tilt and full thrust."""
     position_error = subtract(predicted.position_ned_m, reference.position_ned_m)
     velocity_error = subtract(predicted.velocity_ned_m_s, reference.velocity_ned_m_s)
-    feedback = ZERO3 if p.feedthrough else _feedback(position_error, velocity_error, p)
+    feedback = position_law.feedback(
+        position_error,
+        velocity_error,
+        p.position_gain_1_s2,
+        p.velocity_gain_1_s,
+        approach_max_m_s=p.approach_max_m_s,
+        feedback_max_m_s2=p.feedback_max_m_s2,
+    )
     thrust, derivative = _thrust_vector(predicted.attitude_wb, reference, feedback, model, p)
     thrust, cut = limits.thrust_vector(
         thrust,
@@ -107,17 +114,6 @@ def fly(
     )
     command = _thrust_command(model, thrust, derivative, attitude_wb, p)
     return Flow(Setpoint(rates, command), Memory(slow), record)
-
-
-def _feedback(position_error_ned_m: Vec3, velocity_error_ned_m_s: Vec3, p: ControlParameters) -> Vec3:
-    return position_law.feedback(
-        position_error_ned_m,
-        velocity_error_ned_m_s,
-        p.position_gain_1_s2,
-        p.velocity_gain_1_s,
-        approach_max_m_s=p.approach_max_m_s,
-        feedback_max_m_s2=p.feedback_max_m_s2,
-    )
 
 
 def _thrust_vector(

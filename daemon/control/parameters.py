@@ -46,7 +46,6 @@ class ControlParameters:
     velocity_gain_1_s: Vec3 = (3.2, 3.2, 4.4)  # north, east, down
     feedback_max_m_s2: float = 9.0  # feedback acceleration, horizontal norm, and vertical
     approach_max_m_s: float = 3.0  # speed at which a far reference is approached; inf: never saturates
-    feedthrough: bool = False  # fly the reference's acceleration, without feedback
 
     # Attitude law
     attitude_law: AttitudeLaw = AttitudeLaw.QUATERNION

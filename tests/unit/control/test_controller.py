@@ -50,15 +50,6 @@ def test_level_turns_back_by_the_shortest_way_and_then_rests() -> None:
     assert setpoint.rates_frd_rad_s == pytest.approx(ZERO3, abs=1e-5)
 
 
-def test_feedthrough_flies_the_acceleration_of_the_reference_alone() -> None:
-    p = replace(P, feedthrough=True, disturbance_bandwidth_rad_s=0.0)
-    t = 1.0
-    away = at(t, position=(9.0, 9.0, -3.0))
-    reference = Reference(t, HERE, acceleration_ned_m_s2=(1.0, 0.5, -0.5))
-    _, _, record = controller.step(controller.initial(p), away, away, reference, DT, parameters=p)
-    assert record.thrust_ned_m_s2 == pytest.approx((1.0, 0.5, -0.5 - P.gravity_m_s2))
-
-
 def test_turning_with_the_reference_is_fed_forward() -> None:
     """On a circle at constant height the body turns with the thrust vector: rates from geometry, no feedback."""
     w, radius = 1.0, 2.0

@@ -57,7 +57,7 @@ variants = st.sampled_from(
     [
         P,
         replace(P, attitude_law=AttitudeLaw.GEOMETRIC, thrust_curve=0.7),
-        replace(P, attitude_law=AttitudeLaw.JERK, feedthrough=True, drag_1_s=(0.3, 0.2, 0.1)),
+        replace(P, attitude_law=AttitudeLaw.JERK, drag_1_s=(0.3, 0.2, 0.1)),
         replace(mavros_controllers(), thrust_max=0.9),
         replace(P, rate_lag_s=ZERO3, thrust_lag_s=0.0, hover_thrust=0.95, hover_range=0.9),
     ]
