@@ -64,3 +64,18 @@ def test_the_event_of_a_disarming_shows_before_the_next_heartbeat(session: Px4Se
     assert session.status.value.armed
     session.receive("EVENT", {"id": 32794487, "arguments": "04"}, 0.2)
     assert not session.status.value.armed
+
+
+def test_a_new_mode_in_a_heartbeat_of_a_failsafe_is_not_what_the_autopilot_intends(session: Px4Session) -> None:
+    session.receive("CURRENT_MODE", current_mode(OFFBOARD), 1.0)
+    session.receive("HEARTBEAT", heartbeat(RETURN, system_status=5), 1.1)
+    assert (session.status.value.mode, session.status.value.intended_mode) == (FlightMode.RETURN, FlightMode.OFFBOARD)
+
+
+def test_the_heartbeat_that_brings_the_link_back_says_what_is_intended(session: Px4Session) -> None:
+    session.receive("CURRENT_MODE", current_mode(HOLD, OFFBOARD), 1.0)
+    session.receive("HEARTBEAT", heartbeat(HOLD), 1.1)
+    assert session.status.value.intended_mode is FlightMode.OFFBOARD, "nothing new: CURRENT_MODE knows better"
+    session.poll(3.0)
+    session.receive("HEARTBEAT", heartbeat(HOLD), 5.0)
+    assert session.status.value.intended_mode is FlightMode.HOLD
