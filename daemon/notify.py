@@ -2,6 +2,7 @@
 
 import os
 import socket
+from functools import cache
 
 SEND_S = 0.02  # two ticks: a systemd that does not read must not stand still with us
 
@@ -14,19 +15,15 @@ def notify(message: str) -> bool:
     if address.startswith("@"):
         address = "\0" + address[1:]
     try:
-        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as channel:
-            channel.settimeout(SEND_S)
-            channel.connect(address)
-            channel.sendall(message.encode())
+        _channel().sendto(message.encode(), address)
     except OSError:
         return False
     return True
 
 
-def watchdog_period_s() -> float | None:
-    """How often systemd wants to hear from this process, or None when it does not watch."""
-    microseconds = os.environ.get("WATCHDOG_USEC")
-    pid = os.environ.get("WATCHDOG_PID")
-    if not microseconds or (pid and pid != str(os.getpid())):
-        return None
-    return int(microseconds) / 1e6
+@cache
+def _channel() -> socket.socket:
+    """One from the start on: a process that may open nothing more in flight still feeds its watchdog."""
+    channel = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
+    channel.settimeout(SEND_S)
+    return channel

@@ -1,6 +1,7 @@
 """The daemon as a service: one for a vehicle and a socket, what it tells systemd, its configuration file."""
 
 import asyncio
+import resource
 import shutil
 import signal
 import socket
@@ -89,6 +90,21 @@ async def test_systemd_hears_ready_once_the_socket_listens_then_the_watchdog_the
         assert await asyncio.wait_for(child.process.wait(), 10.0) == 0
     with pytest.raises(TimeoutError):
         await systemd.next(0.3)
+
+
+async def test_the_watchdog_is_fed_by_a_daemon_that_may_open_nothing_more(tmp_path: Path) -> None:
+    systemd, path = Systemd(tmp_path / "notify"), tmp_path / "f.sock"
+    environ = {"NOTIFY_SOCKET": str(systemd.path)}
+    connection = f"udpin://127.0.0.1:{free_udp_port()}"
+    child = await start(tmp_path, "flightd", "run", "--connection", connection, "--socket", str(path), environ=environ)
+    async with running(child):
+        assert "READY=1" in await systemd.next()
+        while "waiting for an autopilot" not in [event["event"] for event in child.events()]:
+            assert await systemd.next(5.0) == "WATCHDOG=1"
+        resource.prlimit(child.process.pid, resource.RLIMIT_NOFILE, (3, 3))
+        systemd.drain()
+        for _ in range(5):
+            assert await systemd.next(5.0) == "WATCHDOG=1"
 
 
 async def test_a_configuration_file_replaced_while_the_daemon_runs_changes_nothing(tmp_path: Path) -> None:
