@@ -134,12 +134,10 @@ async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Li
     vehicle.garbage.start()
     vehicle.control.watchers.add("garbage", vehicle.garbage.on_tick)
     notify("READY=1\nSTATUS=waiting for the autopilot")
-    failed = False
     try:
         await asyncio.wait({tasks, stop.asked}, return_when=asyncio.FIRST_COMPLETED)
-        failed = tasks.done()
         notify("STOPPING=1")
-        if not failed:
+        if not tasks.done():
             await vehicle.release()  # no hurry cuts this: the vehicle would be left on its last rates
     finally:
         log.info("stopping", state=vehicle.commander.state.value)
@@ -147,6 +145,7 @@ async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Li
         dead_man.stop()
         tasks.cancel()
         (fault,) = await asyncio.gather(tasks, return_exceptions=True)
+        failed = not isinstance(fault, asyncio.CancelledError)
         if failed:
             log.error("failed", exc_info=fault)
         if recorder is not None:

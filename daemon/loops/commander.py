@@ -1,6 +1,7 @@
 """Vehicle requests as coroutines: check, ask, and wait until telemetry shows it. The newest request supersedes."""
 
 import asyncio
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -51,8 +52,8 @@ def _require_wanted(wanted: bool) -> None:
 class Commander:
     """One request at a time: a newer one ends a pending one with ``NotPossibleError("superseded ...")``.
 
-    A request that is refused at once ends none. ``stopping``: the vehicle is not engaged any more. ``releases`` counts
-    what gave the vehicle away, or was asked to: what was sent before must not take it again.
+    A request that is refused at once ends none. ``stopping``: the vehicle is neither armed nor engaged any more.
+    ``releases`` counts what gave the vehicle away, or was asked to: what was sent before must not take it again.
     """
 
     def __init__(
@@ -72,6 +73,7 @@ class Commander:
         self._cannot_hover = cannot_hover
         self._turn = 0
         self._flying = False
+        self._arming = self._armed_here = False
         self.stopping = False
         self.releases = 0
 
@@ -87,11 +89,13 @@ class Commander:
         record, last = self._record.value, self._request.value
         return last is None or (record is not None and record.supervision.serial == last.serial)
 
-    def on_control_tick(self, _inputs: Inputs, record: Record) -> None:
-        """A listener of the control task: the vehicle goes to somebody else, whoever wanted it."""
+    def on_control_tick(self, inputs: Inputs, record: Record) -> None:
+        """A listener of the control task: notes when the vehicle goes to somebody else, and who armed it."""
         flying = record.supervision.state in FLYING
         self.releases += self._flying and not flying
         self._flying = flying
+        if not inputs.status.armed:
+            self._armed_here = self._arming
 
     async def arm(self) -> None:
         """Arm; done when telemetry shows it."""
@@ -107,6 +111,16 @@ class Commander:
         turn = self._begin()
         await self._command(turn, Command(CommandKind.DISARM))
         await self._until(turn, lambda: not self._autopilot.status.value.armed, self._timeouts.arm_s, "disarmed")
+
+    async def stand_down(self, limit_s: float) -> None:
+        """Disarm what was armed here and has not taken off: nobody is left who would fly it."""
+        status = self._autopilot.status.value
+        on_ground = self.state is State.STANDBY and status.landed is LandedState.ON_GROUND
+        if not (self._armed_here and on_ground) or status.mode in PILOT_MODES:
+            return
+        self._begin()
+        with contextlib.suppress(LinkError):
+            await self._autopilot.command(Command(CommandKind.DISARM), limit_s)
 
     async def takeoff(self, altitude_m: float) -> None:
         """Arm if needed and climb to ``altitude_m`` above the take-off point; done in the air and in Hold."""
@@ -224,8 +238,14 @@ class Commander:
             return
         if self.state is not State.STANDBY:
             raise NotPossibleError(f"cannot arm in state {self.state.value}")
-        await self._command(turn, Command(CommandKind.ARM))
-        await self._until(turn, lambda: self._autopilot.status.value.armed, self._timeouts.arm_s, "armed")
+        if self.stopping:
+            raise NotPossibleError("the daemon is stopping")
+        self._arming = self._armed_here = True
+        try:
+            await self._command(turn, Command(CommandKind.ARM))
+            await self._until(turn, lambda: self._autopilot.status.value.armed, self._timeouts.arm_s, "armed")
+        finally:
+            self._arming = False
 
     def _begin(self) -> int:
         """End the request before; a command of its that was not acknowledged must not come after this request's."""

@@ -135,6 +135,7 @@ class Vehicle:
     async def release(self) -> None:
         """Hand the vehicle over to Hold if it is ours or about to be, within ``RELEASE_S``; take it no more.
 
+        One that was armed here and stands on the ground is disarmed.
         The active goal ends ``aborted``, ``stopping``; there is none after it.
         """
         self.commander.stopping = True
@@ -147,6 +148,8 @@ class Vehicle:
         if taken:
             with contextlib.suppress(CommandTimeoutError):
                 await self.commander.wait_for(lambda: self.commander.state not in OURS, RELEASE_S, "released")
+        else:
+            await self.commander.stand_down(RELEASE_S)
 
     def _is_taken(self) -> bool:
         """Whether the vehicle is ours, or an engage is on its way to the supervisor."""

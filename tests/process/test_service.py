@@ -9,9 +9,11 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from support.processes import daemon_on, free_udp_port, running, start
+from support.air import air, take
+from support.processes import daemon_on, free_udp_port, running, start, troubled_daemon
 
 from daemon.goals.client import FlightClient
+from daemon.messages import FlightMode
 
 UNITS = Path(__file__).parents[2] / "systemd"
 
@@ -105,6 +107,19 @@ async def test_the_watchdog_is_fed_by_a_daemon_that_may_open_nothing_more(tmp_pa
         systemd.drain()
         for _ in range(5):
             assert await systemd.next(5.0) == "WATCHDOG=1"
+
+
+async def test_a_fault_while_it_stops_shows_in_the_exit_code(tmp_path: Path) -> None:
+    async with air() as seen, troubled_daemon(tmp_path, seen.connection, "dies_while_stopping") as child:
+        assert child.socket is not None
+        async with FlightClient(child.socket) as flight:
+            await take(flight, seen)
+            child.process.send_signal(signal.SIGUSR1)
+            await flight.info()
+            child.process.send_signal(signal.SIGTERM)
+            assert await asyncio.wait_for(child.process.wait(), 20.0) == 1
+        assert seen.px4.mode is FlightMode.HOLD
+    assert [event["level"] for event in child.events() if event["event"] == "failed"] == ["error"]
 
 
 async def test_a_configuration_file_replaced_while_the_daemon_runs_changes_nothing(tmp_path: Path) -> None:

@@ -1,8 +1,9 @@
 """``flightd run`` that gets into trouble on request: ``python troubled_daemon.py CONNECTION SOCKET [CONFIG]``.
 
 SIGUSR1 begins what $TROUBLE names: ``loop_blocked`` and ``interpreter_held`` last $BLOCK_S seconds, ``disk_full`` and
-``read_only`` stay, ``reads_file`` reads files in the loop, ``link_dies`` lets the link's task die. While setpoints
-leave, calls that wait on the loop's thread are logged as ``blocking_call``.
+``read_only`` stay, ``reads_file`` reads files in the loop, ``link_dies`` lets the link's task die, and
+``dies_while_stopping`` when SIGTERM has come. While setpoints leave, calls that wait on the loop's thread are logged as
+``blocking_call``.
 """
 
 import asyncio
@@ -72,6 +73,18 @@ def _link_dies() -> None:
     Px4Session.poll = die  # type: ignore[method-assign]
 
 
+def _dies_while_stopping() -> None:
+    release = Vehicle.release
+
+    async def die(self: Vehicle) -> None:
+        Vehicle.release = release  # type: ignore[method-assign]
+        _link_dies()
+        await release(self)
+        await asyncio.sleep(1.0)
+
+    Vehicle.release = die  # type: ignore[method-assign]
+
+
 TROUBLES = {
     "": lambda: None,
     "loop_blocked": _loop_blocked,
@@ -80,6 +93,7 @@ TROUBLES = {
     "read_only": _read_only,
     "reads_file": _reads_file,
     "link_dies": _link_dies,
+    "dies_while_stopping": _dies_while_stopping,
 }
 
 
