@@ -1,14 +1,21 @@
 """The health task: the watchdog is fed while both tasks tick, slipping grids are told."""
 
+from dataclasses import replace
+from math import dist
+
 import pytest
 from support.flight import CALLER, Flight, fly
 
 from daemon.goals.errors import ProtocolError
 from daemon.goals.methods import NoParams
+from daemon.messages import GlobalPosition, Vec3
 from daemon.reports import Reports
 from daemon.safety.supervisor import State
 from daemon.sim.fault import Fault
-from daemon.sim.faults import BatteryLow, Link, StoppedTelemetry
+from daemon.sim.faults import BatteryLow, EkfReset, Link, StoppedTelemetry
+
+HERE = GlobalPosition(47.4, 8.5, 490.0)
+NORTH_OF_HERE = GlobalPosition(47.4001, 8.5, 492.0)
 
 
 async def standing_by(flight: Flight) -> None:
@@ -113,3 +120,42 @@ def test_a_fence_about_a_home_that_nobody_tells_is_warned_of_until_it_is_told(an
         assert "home_unknown" not in flight.vehicle.health.warnings
 
     fly(scenario, config={"safety": {"fence": {"anchor": anchor}}})
+
+
+@pytest.mark.parametrize(
+    ("anchor", "home", "origin", "home_ned_m", "expected_m"),
+    [
+        ("home", NORTH_OF_HERE, HERE, (5.0, 5.0, 5.0), (11.12, 0.0, -2.0)),
+        ("home", NORTH_OF_HERE, None, (5.0, 5.0, 5.0), (5.0, 5.0, 5.0)),
+        ("home", None, HERE, (5.0, 5.0, 5.0), (5.0, 5.0, 5.0)),
+        ("home", None, None, None, (0.0, 0.0, 0.0)),
+        ("origin", NORTH_OF_HERE, HERE, (5.0, 5.0, 5.0), (0.0, 0.0, 0.0)),
+    ],
+)
+def test_the_fence_lies_about_home_by_the_globe_else_as_it_is_told_or_about_the_origin(
+    anchor: str, home: GlobalPosition | None, origin: GlobalPosition | None, home_ned_m: Vec3 | None, expected_m: Vec3
+) -> None:
+    """A ten-thousandth of a degree of latitude is 11.12 m."""
+
+    async def scenario(flight: Flight) -> None:
+        await standing_by(flight)
+        status = replace(flight.autopilot.status.value, home=home, global_origin=origin, home_ned_m=home_ned_m)
+        flight.vehicle.health._follow_fence(status)
+        assert flight.vehicle.fence.anchor_ned_m == pytest.approx(expected_m, abs=0.02)
+
+    fly(scenario, config={"safety": {"fence": {"anchor": anchor}}})
+
+
+@pytest.mark.parametrize(("origin", "moved_m"), [(True, 3.0), (False, 0.0)])
+def test_the_fence_about_home_is_told_anew_after_each_reset(origin: bool, moved_m: float) -> None:
+    """It moves with the origin alone; also where it stays it is of the frame after the reset."""
+
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne()
+        before = flight.vehicle.fence.anchor_ned_m
+        flight.px4.inject(EkfReset(kind="position_ne", size_m=3.0, origin=origin))
+        await later(flight, 2.5)
+        assert dist(flight.vehicle.fence.anchor_ned_m, before) == pytest.approx(moved_m, abs=0.1)
+        assert flight.vehicle.parameters.value.fence_shift.count == flight.records[-1].estimate.shift.count == 1
+
+    fly(scenario)

@@ -170,3 +170,15 @@ def test_a_hover_thrust_that_is_answered_in_flight_does_not_bump() -> None:
         assert max(abs(-down - height_m) for _, _, down in flight.truths[since:]) < 0.05
 
     fly(scenario, parameters={**SOUND, "MPC_THR_HOVER": 0.62})
+
+
+def test_a_reboot_that_no_silence_shows_is_followed_by_the_questions() -> None:
+    async def scenario(flight: Flight) -> None:
+        await standing_by(flight)
+        requests = Requests(flight)
+        status = flight.autopilot.status
+        status.set(replace(status.value, boot_count=status.value.boot_count + 1))
+        await later(flight, 2.0)
+        assert set(requests.names) == NAMES
+
+    fly(scenario, parameters=SOUND)

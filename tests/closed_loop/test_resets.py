@@ -12,6 +12,7 @@ from support.flight import Flight, fly
 from daemon.frames import angle_between, ned_from_global
 from daemon.journal import Journal
 from daemon.messages import FlightMode, GlobalPosition, Quat, Vec3
+from daemon.pipeline import Inputs, Record
 from daemon.reports import Reports
 from daemon.safety.supervisor import State
 from daemon.sim.faults import ClockStep, EkfReset, Fault, GpsLoss
@@ -149,6 +150,29 @@ def test_a_reset_during_a_preemption_ends_neither_goal_and_keeps_the_new_one_in_
         assert dist(flight.position, wanted) < 0.35
         steps = [dist(a, b) for a, b in zip(flight.truths, flight.truths[1:], strict=False) if dist(a, place) < 1.5]
         assert max(steps) < 0.07, "the vehicle must not lurch"
+
+    fly(scenario)
+
+
+def test_the_window_is_in_the_numbers_after_a_reset_within_a_tick() -> None:
+    """The trajectory task is woken by a reset; its grid of 0.1 s would come up to ten ticks later."""
+
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne()
+        behind: list[float] = []
+
+        def look(_inputs: Inputs, record: Record) -> None:
+            window = flight.vehicle.trajectory.window.value
+            if window is not None and window.shift.count != record.estimate.shift.count:
+                behind.append(record.now_s)
+
+        flight.vehicle.control.listeners.append(look)
+        for _ in range(4):
+            await asyncio.sleep(0.53)
+            flight.px4.inject(EkfReset(kind="position_ne", size_m=1.0))
+        await asyncio.sleep(0.5)
+        assert flight.records[-1].estimate.shift.count == 4
+        assert len(behind) <= 4  # in the tick itself
 
     fly(scenario)
 

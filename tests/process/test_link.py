@@ -5,6 +5,7 @@ import contextlib
 import socket
 from collections.abc import AsyncIterator, Callable
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 import structlog
@@ -192,6 +193,34 @@ async def test_setpoints_arrive_as_sent_addressed_to_the_vehicle_also_from_anoth
         assert (first["thrust"], second["body_roll_rate"]) == (0.75, 1.0)
 
 
+async def test_a_number_that_is_not_finite_does_not_even_reach_mavsdk(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with connected() as (link, _px4):
+        handed: list[str] = []
+        assert link._wire is not None
+        monkeypatch.setattr(link._wire, "direct", Mock(send_message=lambda message: handed.append(message.fields_json)))
+        for bad in (float("nan"), float("inf"), -float("inf")):
+            assert not link.send_setpoint(Setpoint((0.0, bad, 0.0), 0.5))
+            assert not link.send_setpoint(Setpoint((0.0, 0.0, 0.0), bad))
+        assert handed == []
+        assert link.send_setpoint(Setpoint((0.0, 0.0, 0.0), 0.5))
+        assert len(handed) == 1
+
+
+async def test_what_other_components_of_the_vehicle_say_is_not_the_autopilots() -> None:
+    """A gimbal or a companion of the same system may send ODOMETRY and CURRENT_MODE of its own."""
+    async with connected() as (link, px4):
+        gimbal = MavlinkCodec(px4.codec.system_id, component_id=154)
+        own = px4.codec
+        px4.codec = gimbal
+        px4.send("CURRENT_MODE", {"custom_mode": 0x00060000, "intended_custom_mode": 0x00060000})
+        version = link.odometry.version
+        await asyncio.sleep(0.2)  # its ODOMETRY at 100 Hz
+        px4.codec = own
+        assert link.odometry.version - version <= 2  # what was still under way
+        await until(lambda: link.odometry.version > version + 5)
+        assert link.status.value.mode is FlightMode.HOLD
+
+
 @pytest.mark.parametrize("other_thread", [False, True])
 async def test_a_refused_mode_is_told_with_its_reason(other_thread: bool) -> None:
     async with connected() as (link, px4):
@@ -257,7 +286,12 @@ async def test_mavsdks_log_goes_into_ours_and_not_to_stdout(capfd: pytest.Captur
 async def test_nothing_can_be_sent_after_the_end() -> None:
     async with connected() as (link, _px4):
         assert link.send_setpoint(Setpoint((0.0, 0.0, 0.0), 0.5))
+        wire = link._wire
     assert not link.send_setpoint(Setpoint((0.0, 0.0, 0.0), 0.5))
+    assert wire is not None
+    wire.direct = Mock()  # the dead-man's thread may hold the wire still
+    assert not wire.send_setpoint(Setpoint((0.0, 0.0, 0.0), 0.5))
+    assert wire.direct.mock_calls == []
     assert not link.request_mode(FlightMode.HOLD)
 
 

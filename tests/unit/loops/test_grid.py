@@ -56,6 +56,48 @@ def test_the_phase_slews_by_at_most_a_hundredth_of_the_period_a_tick() -> None:
     assert times[-1] - times[0] == pytest.approx(0.01 + 99 * 0.0101, abs=1e-5)
 
 
+def test_a_slew_counts_for_one_tick_in_either_direction() -> None:
+    async def main() -> None:
+        times: list[float] = []
+        grid = Grid(0.01, LoopAlarm(asyncio.get_running_loop()))
+
+        def tick(now_s: float, _dt_s: float) -> None:
+            times.append(now_s)
+            if len(times) in (2, 4):
+                grid.slew_s = 0.5 if len(times) == 2 else -0.5
+
+        task = asyncio.create_task(grid.run(tick))
+        await asyncio.sleep(0.1)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        periods = [round(1e4 * (b - a)) for a, b in pairwise(times)]
+        assert periods[:7] == [100, 100, 101, 100, 99, 100, 100]
+
+    run_virtual(main())
+
+
+def test_a_tick_is_late_beyond_a_tenth_of_the_period_and_missed_from_a_whole_one_on() -> None:
+    for work_s, late, missed in ((0.0108, 0, 0), (0.0113, 1, 0), (0.0195, 1, 0), (0.0205, 1, 1)):
+        _, grid = run_virtual(ticked(0.01, 10, {3: work_s}))
+        assert (grid.statistics.late, grid.statistics.missed) == (late, missed), work_s
+
+
+def test_a_grid_that_ends_closes_its_alarm() -> None:
+    async def main() -> None:
+        closed: list[bool] = []
+        alarm = LoopAlarm(asyncio.get_running_loop())
+        close = alarm.close
+        alarm.close = lambda: (closed.append(True), close())[1]  # type: ignore[method-assign]
+        task = asyncio.create_task(Grid(0.01, alarm).run(lambda _now_s, _dt_s: None))
+        await asyncio.sleep(0.05)
+        closed.clear()  # it also closes what it sets anew
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        assert closed == [True]
+
+    run_virtual(main())
+
+
 @pytest.mark.parametrize("error", [ZeroDivisionError(), StopIteration()])
 @pytest.mark.parametrize("where", ["tick", "pause_s"])
 def test_whatever_fails_at_a_tick_ends_the_grid(where: str, error: Exception) -> None:
