@@ -16,6 +16,7 @@ from daemon.frames import (
     add,
     clamp,
     cross,
+    dot,
     integrate,
     is_finite,
     norm,
@@ -32,6 +33,7 @@ from daemon.values import value
 
 INTERNAL_STATE_SIZE = 10
 _TINY = 1e-12  # a vector shorter than this has no direction
+_OPPOSITE = -0.9999  # cosine; within 0.8 deg of upside down the paper's law has next to no way out
 _GYRO_LIMIT_RAD_S = 1e3  # thirty times what a gyro of 2000 deg/s can read: not a measurement
 _STEP_LIMIT_S = 10.0  # after a longer silence the attitude has to be set anew
 
@@ -112,7 +114,7 @@ def measure(
     else:
         expected = rotate_inverse(attitude, _unit(parameters.gravity_direction_w))
         weight = 0.5 * (1.0 - confidence) * clamp(accelerometer_weight, 0.0, 1.0)
-        correction = add(scale(cross(acc, expected), weight), correction)
+        correction = add(scale(_vertical_error(acc, expected), weight), correction)
     gyro = gyro_b_rad_s
     if not norm(gyro) <= _GYRO_LIMIT_RAD_S:  # NaN is not
         refused.append("gyro")
@@ -178,6 +180,13 @@ def _unit(v: Vec3) -> Vec3:
 def _direction(v: Vec3) -> Vec3 | None:
     length = norm(v)
     return _unit(v) if isfinite(length) and length > _TINY else None
+
+
+def _vertical_error(measured_b: Vec3, expected_b: Vec3) -> Vec3:
+    """Measured times expected vertical; of opposite ones, where that vanishes, a unit about an axis across."""
+    if dot(measured_b, expected_b) > _OPPOSITE:
+        return cross(measured_b, expected_b)
+    return _unit(cross(expected_b, (1.0, 0.0, 0.0) if abs(expected_b[0]) < 0.7 else (0.0, 1.0, 0.0)))
 
 
 def _field_error(attitude_wb: Quat, magnetometer_b: Vec3, parameters: MahonyParameters) -> Vec3:

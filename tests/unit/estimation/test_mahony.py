@@ -210,6 +210,13 @@ def test_a_standing_gyro_bias_is_found():
     assert state.rates_b_rad_s == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
 
 
+@pytest.mark.parametrize("attitude", [(0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.6, 0.8, 0.0)])
+def test_a_filter_that_is_exactly_upside_down_finds_its_way_back(attitude):
+    state = with_orientation(MahonyState(), attitude)
+    state = run(MahonyParameters(kp_1_s=1.0), [((0.0, 0.0, -G), (0.0, 0.0, 0.0), None)] * 3000, state)
+    assert rotate(state.attitude_wb, Z_UP) == pytest.approx(Z_UP, abs=1e-3)
+
+
 def test_a_weight_of_zero_lets_the_gyro_alone():
     parameters = MahonyParameters(kp_1_s=4.0)
     state = measure(MahonyState(), (3.0, 0.0, -9.0), (0.0, 0.0, 0.0), parameters=parameters, accelerometer_weight=0.0)
