@@ -175,7 +175,9 @@ class Service:
         sample = orders.stream_sample(params, now_s)
         streamed, limits, fence = self._vehicle.trajectory.streamed, active.limits, self._vehicle.fence
         orders.refuse(orders.stream_refusal(sample, streamed, limits, fence, now_s))
-        self._vehicle.trajectory.stream(sample)
+        self._vehicle.trajectory.stream(
+            sample, lambda plan: orders.refuse(orders.carried_refusal(plan, limits, self._vehicle.fence))
+        )
 
     def estimator_pose(self, params: methods.EstimatorPose, caller: Caller) -> None:
         """See ``FlightService``."""

@@ -24,13 +24,15 @@ from daemon.guidance.goals import (
 from daemon.guidance.heading import FixedHeading, Heading, PointHeading, TargetHeading, VelocityHeading
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters
-from daemon.guidance.reachability import Reach, Refusal
+from daemon.guidance.plan import Plan
+from daemon.guidance.reachability import Refusal
 from daemon.guidance.shapes import Circle, Lemniscate, Shape
 from daemon.guidance.stream import StreamSample, sample_refusal
 from daemon.guidance.waypoint_modes import WaypointMode
 from daemon.loops.goal_order import GoalOrder
+from daemon.loops.stopping import reach_of
 from daemon.messages import AutopilotStatus, ExternalPose, GlobalPosition, Quat, Reference, Vec3
-from daemon.safety.geofence import Geofence, between, violation
+from daemon.safety.geofence import Geofence, violation
 
 STAMP_AGE_MAX_S = 1.0
 STAMP_AHEAD_MAX_S = 0.5
@@ -232,16 +234,10 @@ def _tightened(limits: MotionLimits, wanted: schema.Limits | None) -> MotionLimi
 
 def _check(goal: Goal, limits: MotionLimits, place: Place) -> None:
     """The goal, the way to it and the way along it are within the fence, within reach and within the limits."""
-    reach = Reach(
-        limits=limits,
-        fence=lambda position: violation(place.fence, position),
-        between=lambda start, end: between(place.fence, start, end),
-        max_distance_m=place.max_distance_m,
-    )
+    reach = reach_of(place.fence, limits, place.max_distance_m)
     refuse(reachability.refusal(goal, place.flown, reach))
-    if not isinstance(goal, StreamGoal):
-        plan = planner.plan(place.flown, goal, limits, place.parameters)
-        refuse(reachability.path_refusal(plan, goal, reach))
+    plan = planner.plan(place.flown, goal, limits, place.parameters)
+    refuse(reachability.path_refusal(plan, goal, reach))
 
 
 def refuse(refusal: Refusal | None) -> None:
@@ -275,6 +271,11 @@ def stream_refusal(
         return Refusal(*found)
     outside = violation(fence, sample.position_ned_m)
     return None if outside is None else Refusal(f"position[{outside[0]}]", outside[1])
+
+
+def carried_refusal(plan: Plan, limits: MotionLimits, fence: Geofence) -> Refusal | None:
+    """What is wrong with a reference from outside that is carried on until its time-out and then braked, or None."""
+    return reachability.way_refusal(plan, "position", reach_of(fence, limits))
 
 
 def _stamp_refusal(stamp_s: float, now_s: float) -> Refusal | None:

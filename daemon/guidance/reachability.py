@@ -69,14 +69,19 @@ def path_refusal(plan: Plan, goal: Goal, reach: Reach) -> Refusal | None:
             excess = motion_excess(reference.velocity_ned_m_s, reference.acceleration_ned_m_s2, reach.limits)
             if excess is not None:
                 return Refusal("trajectory.jerk_m_s3", f"after some time {excess[1]}")
+    return way_refusal(plan, _place_of(goal), reach)
+
+
+def way_refusal(plan: Plan, field: str, reach: Reach) -> Refusal | None:
+    """Where a plan leaves the fence, as a refusal of a field."""
     inside = False
     for place in _places(plan, reach):
         found = reach.fence(place)
         inside = inside or found is None
         if inside and found is not None:
-            return Refusal(f"{_place_of(goal)}[{found[0]}]", f"on the way: {found[1]}")
+            return Refusal(f"{field}[{found[0]}]", f"on the way: {found[1]}")
     end = reach.fence(plan.target.position_ned_m)
-    return None if end is None else Refusal(f"{_place_of(goal)}[{end[0]}]", end[1])
+    return None if end is None else Refusal(f"{field}[{end[0]}]", end[1])
 
 
 def _places(plan: Plan, reach: Reach) -> Iterator[Vec3]:
@@ -93,6 +98,8 @@ def _place_of(goal: Goal) -> str:
         return "waypoint.position"
     if isinstance(goal, PathGoal):
         return "path.waypoints"
+    if isinstance(goal, StreamGoal):
+        return "stream"
     return "trajectory.center" if isinstance(goal, ShapeGoal) else "trajectory"
 
 

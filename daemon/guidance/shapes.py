@@ -170,16 +170,16 @@ class ShapePlan(Plan):
         """Phase, its rate and two more derivatives."""
         ramp, rate, left_s = self._ramp_s, self._rate_rad_s, self._duration_s - since_s
         if since_s < ramp:
-            area, height, slope, bend = _smooth_step(since_s / ramp)
+            area, height, slope, bend = smooth_step(since_s / ramp)
             return rate * ramp * area, rate * height, rate * slope / ramp, rate * bend / ramp**2
         if left_s < ramp:
-            area, height, slope, bend = _smooth_step(left_s / ramp)
+            area, height, slope, bend = smooth_step(left_s / ramp)
             whole = rate * (self._duration_s - ramp)
             return whole - rate * ramp * area, rate * height, -rate * slope / ramp, rate * bend / ramp**2
         return rate * (since_s - 0.5 * ramp), rate, 0.0, 0.0
 
 
-def _smooth_step(s: float) -> tuple[float, float, float, float]:
+def smooth_step(s: float) -> tuple[float, float, float, float]:
     """Integral, value, slope and bend of 10 s^3 - 15 s^4 + 6 s^5, which goes from 0 to 1 without a kink."""
     return (
         2.5 * s**4 - 3.0 * s**5 + s**6,

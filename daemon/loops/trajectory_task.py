@@ -23,6 +23,7 @@ from daemon.loops.following import Following, start_of
 from daemon.loops.goal_book import GoalBook
 from daemon.loops.goal_order import GoalListener, GoalOrder, Progress
 from daemon.loops.grid import Grid
+from daemon.loops.stopping import stopping
 from daemon.messages import (
     WINDOW_SPACING_S,
     AutopilotStatus,
@@ -35,6 +36,7 @@ from daemon.messages import (
     VehicleRequest,
 )
 from daemon.pipeline import Inputs, Record
+from daemon.safety.geofence import Geofence
 from daemon.safety.supervisor import FLYING, State
 
 ORIGIN_MOVED_M = 0.1  # less is the rounding of what is told
@@ -53,6 +55,7 @@ class TrajectoryTask:
         status: Latest[AutopilotStatus],
         limits: Callable[[], MotionLimits],
         parameters: Callable[[], GuidanceParameters],
+        fence: Callable[[], Geofence],
         window_s: float,
     ) -> None:
         self.window: Latest[ReferenceWindow | None] = Latest(None)
@@ -66,6 +69,7 @@ class TrajectoryTask:
         self._status = status
         self._limits = limits
         self._parameters = parameters
+        self._fence = fence
         self._count = round(window_s / WINDOW_SPACING_S)
         self._active: ActiveGoal | None = None
         self._rest: Plan | None = None
@@ -133,8 +137,11 @@ class TrajectoryTask:
             self._end("aborted", reason=reason)
             self.wake()
 
-    def stream(self, sample: StreamSample) -> None:
-        """Take the next reference of the active stream goal; the window follows it at once."""
+    def stream(self, sample: StreamSample, allow: Callable[[Plan], None] = lambda _plan: None) -> None:
+        """Take the next reference of the active stream goal; the window follows it at once.
+
+        ``allow`` raises when the plan that follows it and brakes at its time-out may not be flown: nothing changes.
+        """
         active = self._active
         record = self._record.value
         if active is None or record is None or record.reference is None or active.canceled:
@@ -143,9 +150,10 @@ class TrajectoryTask:
         if not isinstance(goal, StreamGoal):
             return
         sample = completed(sample, active.streamed, active.order.limits)
-        active.streamed = sample
         self._follow_frame(record.estimate.shift)
-        active.plan = follow(start_of(record), sample, goal.timeout_s, active.order.limits, self._parameters())
+        plan = follow(start_of(record), sample, goal.timeout_s, active.order.limits, self._parameters())
+        allow(plan)
+        active.streamed, active.plan = sample, plan
         self.wake()
 
     def wake(self) -> None:
@@ -271,15 +279,18 @@ class TrajectoryTask:
         active = self._active
         if active is None or (active.plan is None and active.ahead is not None and not active.canceled):
             if self._rest is None:
-                self._rest = brake(flown, self._limits())
+                self._rest = self._stopping(flown)
             return self._rest
         if active.plan is None and active.order.plans_long and not active.canceled:
             self._plan_ahead(active, flown)
             return self._current_plan(flown)
         if active.plan is None:
             self._rest = None
-            active.plan = brake(flown, self._limits()) if active.canceled else self._planning(active.order)(flown)
+            active.plan = self._stopping(flown) if active.canceled else self._planning(active.order)(flown)
         return active.plan
+
+    def _stopping(self, flown: Reference) -> Plan:
+        return stopping(flown, self.plan.value, self._limits(), self._fence())
 
     def _planning(self, order: GoalOrder) -> Callable[[Reference], Plan]:
         """What plans the goal, where the local frame of now has it, from a reference on."""

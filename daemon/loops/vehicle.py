@@ -56,6 +56,7 @@ class Vehicle:
             autopilot.status,
             lambda: self.parameters.value.limits,
             lambda: self.flown.guidance,
+            lambda: self.fence,
             config.loops.window_s,
         )
         self.control = ControlTask(

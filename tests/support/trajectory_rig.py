@@ -34,6 +34,7 @@ from daemon.messages import (
 )
 from daemon.parameters import geofence, pipeline_parameters
 from daemon.pipeline import Inputs, Record
+from daemon.safety.geofence import Geofence
 from daemon.safety.supervisor import FLYING, State
 from daemon.sim.virtual_time import run_virtual
 
@@ -71,6 +72,7 @@ class Rig:
             self.status,
             lambda: LIMITS,
             lambda: GuidanceParameters(profile=Profile.JERK_LIMITED),
+            Geofence,
             1.0,
         )
         self.task.listeners.append(self)
