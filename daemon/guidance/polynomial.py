@@ -6,6 +6,8 @@ Source: the polynomial trajectories of mavros_controllers; the jerk is the param
 from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
+
 from daemon.frames import norm, scale
 from daemon.guidance.constant_jerk import carried
 from daemon.guidance.plan import Plan, straights
@@ -20,6 +22,7 @@ DIRECTIONS: tuple[Vec3, ...] = (
     (0.0, 0.0, 1.0),
     (0.0, 0.0, -1.0),
 )
+_REAL = 1e-9  # imaginary part of a root that is a real one
 
 
 class PolynomialPlan(Plan):
@@ -54,6 +57,18 @@ class PolynomialPlan(Plan):
             acceleration_ned_m_s2=acceleration,
             jerk_ned_m_s3=self._jerk,
         )
+
+    def extremes(self) -> tuple[Reference, ...]:
+        """The ends, where acceleration is largest, and where horizontal or vertical speed is extreme: v a = 0."""
+        v, a, j = self._start.velocity_ned_m_s, self._start.acceleration_ned_m_s2, self._jerk
+
+        def across(one: Vec3, other: Vec3) -> float:
+            return one[0] * other[0] + one[1] * other[1]
+
+        level = (0.5 * across(j, j), 1.5 * across(a, j), across(a, a) + across(v, j), across(v, a))
+        since_s = [0.0, self._duration_s, *(root.real for root in np.roots(level) if abs(root.imag) < _REAL)]
+        since_s += [] if j[2] == 0.0 else [-a[2] / j[2]]
+        return tuple(self.sample(self.start_s + s) for s in since_s if 0.0 <= s <= self._duration_s)
 
     def polyline(self) -> Iterator[Vec3]:
         """By its acceleration, which is largest at one of the ends."""

@@ -6,10 +6,21 @@ from itertools import pairwise
 from math import ceil, degrees, floor, hypot, isfinite, pi, radians
 
 from daemon.frames import is_finite, norm, scale, subtract, tilt_of, wrap_pi
+from daemon.guidance.brake import brake
+from daemon.guidance.convergence import Tolerance
 from daemon.guidance.goals import Goal, PathGoal, PolynomialGoal, ShapeGoal, StreamGoal, WaypointGoal
-from daemon.guidance.heading import FixedHeading, Heading, PointHeading, wish_of
+from daemon.guidance.heading import (
+    DEAD_BAND_M,
+    DEAD_BAND_M_S,
+    FixedHeading,
+    Heading,
+    PointHeading,
+    VelocityHeading,
+    wish_of,
+)
 from daemon.guidance.limits import MotionLimits, motion_excess
 from daemon.guidance.plan import Plan
+from daemon.guidance.polynomial import PolynomialPlan
 from daemon.guidance.shapes import Circle
 from daemon.messages import Reference, Vec3
 
@@ -17,7 +28,7 @@ _MOST_TILT_RAD = radians(1.0)
 _PHASES = 72  # at which a shape's derivatives are looked at
 _HEADINGS = 360  # phases between which a shape's heading is looked at
 _FOLLOWED = 0.9  # of the yaw rate's limit: with nothing left a heading that is behind would never catch up
-_OUTLINE = 120  # instants at which a polynomial's motion is looked at
+_OUTLINE = 60  # instants at which the brake after a polynomial is looked at
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,12 +71,14 @@ def path_refusal(plan: Plan, goal: Goal, reach: Reach) -> Refusal | None:
     inside counts, and the end. The plan's polyline is looked at, so that nothing of the way passes unseen however long
     it takes. A polynomial's motion is held against the limits too. Costs 0.1 to 2 ms.
     """
-    lasts_s, allowed_s = plan.end_s - plan.start_s, 2.0 * reach.max_duration_s  # the goal, and the way there
+    lasts_s = plan.end_s - plan.start_s + _stay_s(goal)
+    allowed_s = 2.0 * reach.max_duration_s  # the goal, and the way there
     if not lasts_s <= allowed_s:
-        takes = f"{lasts_s:.0f} s" if isfinite(lasts_s) else "too long to be planned"
+        takes = f"{lasts_s:.5g} s" if isfinite(lasts_s) else "too long to be planned"
         return Refusal(_place_of(goal), f"takes {takes}; at most {allowed_s:g} s are allowed")
     if isinstance(goal, PolynomialGoal):
-        for reference in plan.outline(_OUTLINE):
+        pushed = PolynomialPlan(plan.path.sample(plan.start_s), goal.jerk_ned_m_s3, goal.duration_s)
+        for reference in (*pushed.extremes(), *brake(pushed.target, reach.limits).outline(_OUTLINE)):
             excess = motion_excess(reference.velocity_ned_m_s, reference.acceleration_ned_m_s2, reach.limits)
             if excess is not None:
                 return Refusal("trajectory.jerk_m_s3", f"after some time {excess[1]}")
@@ -92,6 +105,12 @@ def _places(plan: Plan, reach: Reach) -> Iterator[Vec3]:
         yield end
 
 
+def _stay_s(goal: Goal) -> float:
+    """How long a goal stays in its last waypoint, which is not planned: it begins when the vehicle has converged."""
+    last = goal.waypoints[-1] if isinstance(goal, PathGoal) else goal
+    return last.hold_s if isinstance(last, WaypointGoal) else 0.0
+
+
 def _place_of(goal: Goal) -> str:
     """The field that a way out of the fence is blamed on."""
     if isinstance(goal, WaypointGoal):
@@ -116,7 +135,7 @@ def _refusals(goal: Goal, start: Reference, reach: Reach) -> Iterator[Refusal]:
     elif isinstance(goal, ShapeGoal):
         yield from _shape(goal, start, reach)
     elif isinstance(goal, PolynomialGoal):
-        yield from _polynomial(goal, reach)
+        yield from _polynomial(goal, start, reach)
     elif isinstance(goal, StreamGoal):
         if not 0.0 < goal.timeout_s <= reach.max_stream_timeout_s:
             most = f"{reach.max_stream_timeout_s:g} s"
@@ -141,6 +160,8 @@ def _waypoint(goal: WaypointGoal, field: str, start: Reference, reach: Reach) ->
             reason = f"tilts by {degrees(tilt_rad):.1f} deg; at rest a multirotor is level: 1 deg at most"
             yield Refusal(f"{field}.orientation", reason)
     yield from _duration(goal.hold_s, f"{field}.hold_s", reach)
+    if isinstance(goal.convergence, Tolerance):
+        yield from _duration(goal.convergence.dwell_s, f"{field}.convergence.dwell_s", reach)
 
 
 def _shape(goal: ShapeGoal, start: Reference, reach: Reach) -> Iterator[Refusal]:
@@ -160,7 +181,7 @@ def _shape(goal: ShapeGoal, start: Reference, reach: Reach) -> Iterator[Refusal]
     if not goal.turns > 0.0:
         yield Refusal("trajectory.turns", f"{goal.turns:g} is not more than 0")
     yield from _duration(goal.turns * 2.0 * pi / rate, "trajectory.turns", reach)
-    yield from _heading(goal.heading)
+    yield from _heading(goal.heading, start, reach)
     for i in range(_PHASES):
         yield from _shape_at(goal, 2.0 * pi * i / _PHASES, field, reach)
     yield from _turning(goal, field, reach)
@@ -188,11 +209,16 @@ def _turning(goal: ShapeGoal, field: str, reach: Reach) -> Iterator[Refusal]:
     for i in range(_HEADINGS + 1):
         position, along, *_ = goal.shape.at(2.0 * pi * i / _HEADINGS)
         wishes.append(wish(Reference(0.0, position, scale(along, goal.rate_rad_s))))
+    if not isinstance(goal.heading, VelocityHeading) and not any(wish is not None for wish in wishes):
+        near = f"what is looked at is within {DEAD_BAND_M:g} m all the way round"
+        yield Refusal("trajectory.heading", f"turns nowhere on this shape: {near}")
     turns = [abs(wrap_pi(b - a)) for a, b in pairwise(wishes) if a is not None and b is not None]
     needed = max(turns, default=0.0) * _HEADINGS / (2.0 * pi) * abs(goal.rate_rad_s)
     most = _FOLLOWED * reach.limits.yaw_rate_rad_s
     if needed > most:
-        if goal.speed_m_s is None:
+        if _too_slow_to_head(goal, most / needed):
+            would_do = f"none does: below {DEAD_BAND_M_S:g} m/s no heading is along the flight"
+        elif goal.speed_m_s is None:
             would_do = f"at least {ceil(10.0 * (goal.period_s or 0.0) * needed / most) / 10.0:g} s"
         else:
             would_do = f"at most {floor(100.0 * goal.speed_m_s * most / needed) / 100.0:g} m/s"
@@ -200,11 +226,17 @@ def _turning(goal: ShapeGoal, field: str, reach: Reach) -> Iterator[Refusal]:
         yield Refusal(field, f"on this shape {turning}; {degrees(most):.0f} deg/s can be followed: {would_do}")
 
 
-def _polynomial(goal: PolynomialGoal, reach: Reach) -> Iterator[Refusal]:
+def _too_slow_to_head(goal: ShapeGoal, share: float) -> bool:
+    """Whether at this share of its rate a shape is flown too slowly for a heading along the velocity."""
+    slowed = share * abs(goal.rate_rad_s) * goal.shape.path_speed_m
+    return isinstance(goal.heading, VelocityHeading) and slowed <= DEAD_BAND_M_S
+
+
+def _polynomial(goal: PolynomialGoal, start: Reference, reach: Reach) -> Iterator[Refusal]:
     yield from _finite(goal.jerk_ned_m_s3, "trajectory.jerk_m_s3")
     yield from _jerk(goal.jerk_ned_m_s3, "trajectory.jerk_m_s3", "", reach)
     yield from _duration(goal.duration_s, "trajectory.duration_s", reach)
-    yield from _heading(goal.heading)
+    yield from _heading(goal.heading, start, reach)
 
 
 def _finite(values: tuple[float, ...], field: str) -> Iterator[Refusal]:
@@ -216,7 +248,7 @@ def _finite(values: tuple[float, ...], field: str) -> Iterator[Refusal]:
 def _near(position: Vec3, field: str, start: Reference, reach: Reach) -> Iterator[Refusal]:
     distance = norm(subtract(position, start.position_ned_m))
     if distance > reach.max_distance_m:
-        yield Refusal(field, f"is {distance:.0f} m away; at most {reach.max_distance_m:g} m are allowed")
+        yield Refusal(field, f"is {distance:.4g} m away; at most {reach.max_distance_m:g} m are allowed")
 
 
 def _duration(value_s: float, field: str, reach: Reach) -> Iterator[Refusal]:
@@ -224,9 +256,10 @@ def _duration(value_s: float, field: str, reach: Reach) -> Iterator[Refusal]:
         yield Refusal(field, f"{value_s:g} s are not within 0 to {reach.max_duration_s:g} s")
 
 
-def _heading(heading: Heading) -> Iterator[Refusal]:
+def _heading(heading: Heading, start: Reference, reach: Reach) -> Iterator[Refusal]:
     if isinstance(heading, PointHeading):
         yield from _finite(heading.point_ned_m, "trajectory.heading.point")
+        yield from _near(heading.point_ned_m, "trajectory.heading.point", start, reach)
 
 
 def _jerk(jerk_ned_m_s3: Vec3, field: str, where: str, reach: Reach) -> Iterator[Refusal]:

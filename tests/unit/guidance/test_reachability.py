@@ -6,6 +6,7 @@ from math import nan, radians
 import pytest
 
 from daemon.frames import from_rpy
+from daemon.guidance.convergence import Tolerance
 from daemon.guidance.goals import (
     Goal,
     HoldGoal,
@@ -16,7 +17,7 @@ from daemon.guidance.goals import (
     Through,
     WaypointGoal,
 )
-from daemon.guidance.heading import PointHeading
+from daemon.guidance.heading import PointHeading, TargetHeading, VelocityHeading
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters, Profile
 from daemon.guidance.planner import plan
@@ -172,3 +173,71 @@ def test_a_path_that_was_refused_for_its_length_would_still_not_leave_a_place_ou
         flown = way.sample(time_s)
         assert flown.position_ned_m == START.position_ned_m and flown.velocity_ned_m_s == ZERO3
     assert way.progress(1e6) == 0.0
+
+
+@pytest.mark.parametrize("duration_s", [0.05, 0.1, 0.2])
+@pytest.mark.parametrize("speed_m_s", [0.0, 2.5])
+def test_a_short_hard_push_before_a_long_brake_is_held_against_the_limits(duration_s: float, speed_m_s: float) -> None:
+    limits = MotionLimits(acceleration_m_s2=0.2)
+    start = Reference(0.0, (0.0, 0.0, -10.0), (speed_m_s, 0.0, 0.0))
+    for jerk, allowed in ((0.99 * 0.2 / duration_s, True), (1.01 * 0.2 / duration_s, False), (5.5, False)):
+        if not jerk < limits.jerk_m_s3:
+            continue
+        goal = PolynomialGoal(jerk_ned_m_s3=(-jerk, 0.0, 0.0), duration_s=duration_s)
+        reach = Reach(limits=limits)
+        assert refusal(goal, start, reach) is None
+        found = path_refusal(plan(start, goal, limits, GuidanceParameters()), goal, reach)
+        assert (found is None) is allowed, (jerk, found)
+
+
+def test_a_push_whose_speed_peaks_between_its_ends_is_held_against_the_limits() -> None:
+    start = Reference(0.0, (0.0, 0.0, -10.0), (4.9, 0.0, 0.0), (0.6, 0.0, 0.0))
+    goal = PolynomialGoal(jerk_ned_m_s3=(-1.0, 0.0, 0.0), duration_s=1.2)  # 5.08 m/s after 0.6 s, 4.9 m/s at the end
+    found = path_refusal(plan(start, goal, MotionLimits(), GuidanceParameters()), goal, REACH)
+    assert found is not None and "5.08 m/s" in found.reason
+
+
+@pytest.mark.parametrize("through", Through)
+def test_the_hold_at_the_end_counts_for_how_long_a_goal_takes(through: Through) -> None:
+    slow = MotionLimits(speed_m_s=0.1)
+    reach = Reach(limits=slow)
+    far = WaypointGoal(position_ned_m=(400.0, 0.0, -10.0), hold_s=3600.0)
+    for goal in (far, PathGoal(waypoints=(far,), through=through)):
+        found = path_refusal(plan(START, goal, slow, GuidanceParameters(profile=Profile.JERK_LIMITED)), goal, reach)
+        assert found is not None and found.reason.endswith("at most 7200 s are allowed")
+
+
+def test_the_dwell_is_bounded_as_the_hold_is() -> None:
+    goal = WaypointGoal(position_ned_m=ZERO3, convergence=Tolerance(dwell_s=1e9))
+    found = refusal(goal, START, REACH)
+    assert found is not None and found.field == "waypoint.convergence.dwell_s"
+
+
+def test_a_point_to_look_at_is_within_reach_and_far_ones_are_told_in_few_digits() -> None:
+    for goal in (
+        circle(heading=PointHeading((1e308, 0.0, 0.0))),
+        PolynomialGoal(jerk_ned_m_s3=(0.1, 0.0, 0.0), duration_s=1.0, heading=PointHeading((0.0, 400.0, -10.0))),
+        at(1e150, 0.0, -10.0),
+    ):
+        found = refusal(goal, START, REACH)
+        assert found is not None and "m away; at most 300 m" in found.reason
+        assert len(found.reason) < 60
+
+
+@pytest.mark.parametrize(
+    "goal",
+    [
+        circle(shape={"radius_m": 0.49}, speed_m_s=0.4, heading=TargetHeading()),
+        circle(shape={"radius_m": 0.3}, speed_m_s=0.2, heading=TargetHeading()),
+        circle(shape={"radius_m": 0.3}, speed_m_s=0.2, heading=PointHeading((0.0, 20.0, -3.0))),
+    ],
+)
+def test_a_heading_that_turns_nowhere_on_a_shape_is_refused(goal: ShapeGoal) -> None:
+    found = refusal(goal, START, REACH)
+    assert found is not None and found.field == "trajectory.heading"
+    assert "turns nowhere" in found.reason
+
+
+def test_no_speed_is_advised_at_which_the_heading_is_not_followed() -> None:
+    found = refusal(circle(shape={"radius_m": 0.3}, speed_m_s=0.6, heading=VelocityHeading()), START, REACH)
+    assert found is not None and "none does: below 0.5 m/s" in found.reason
