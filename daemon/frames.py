@@ -252,7 +252,12 @@ _FRD_FROM_FLU: Quat = (0.0, 1.0, 0.0, 0.0)
 
 def attitude_ned_from_enu(attitude_enu_flu: Quat) -> Quat:
     """FLU-to-ENU attitude as FRD-to-NED attitude, w >= 0."""
-    q = multiply(multiply(_NED_FROM_ENU, attitude_enu_flu), _FRD_FROM_FLU)
+    return attitude_ned_from_enu_frd(multiply(attitude_enu_flu, _FRD_FROM_FLU))
+
+
+def attitude_ned_from_enu_frd(attitude_enu_frd: Quat) -> Quat:
+    """FRD-to-ENU attitude as FRD-to-NED attitude, w >= 0."""
+    q = multiply(_NED_FROM_ENU, attitude_enu_frd)
     return q if q[0] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
 
 

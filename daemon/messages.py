@@ -248,6 +248,12 @@ class FrameShift:
     yaw_rad: float = 0.0
     origin_ned_m: Vec3 = ZERO3
 
+    def since(self, before: "FrameShift") -> tuple[Vec3, Vec3, float]:
+        """By how much position (m), velocity (m/s) and heading (rad) have jumped since an earlier shift."""
+        (n, e, d), (n0, e0, d0) = self.position_ned_m, before.position_ned_m
+        (vn, ve, vd), (vn0, ve0, vd0) = self.velocity_ned_m_s, before.velocity_ned_m_s
+        return (n - n0, e - e0, d - d0), (vn - vn0, ve - ve0, vd - vd0), self.yaw_rad - before.yaw_rad
+
 
 @value
 class Reference:

@@ -2,7 +2,7 @@
 
 import asyncio
 from dataclasses import dataclass
-from math import pi, radians
+from math import radians
 
 from daemon import frames
 from daemon.config import describe
@@ -194,13 +194,13 @@ def _attitude(waypoint: schema.Waypoint, place: Place) -> Quat | None:
     if waypoint.orientation is not None:
         q = frames.normalized(waypoint.orientation)
         if frame == "local_enu":
-            return frames.attitude_ned_from_enu(frames.multiply(q, (0.0, 1.0, 0.0, 0.0)))
+            return frames.attitude_ned_from_enu_frd(q)
         return frames.multiply(frames.from_yaw(now_rad), q) if frame == "body_frd" else q
     if waypoint.yaw_deg is None:
         return None
     yaw = radians(waypoint.yaw_deg)
     if frame == "local_enu":
-        yaw = 0.5 * pi - yaw
+        yaw = frames.yaw_ned_from_enu(yaw)
     return frames.from_yaw(frames.wrap_pi(yaw + now_rad if frame == "body_frd" else yaw))
 
 

@@ -23,13 +23,7 @@ def sample(window: ReferenceWindow, shift: FrameShift, time_s: float) -> Referen
     reference = _extrapolated(window.samples[index], time_s)
     if window.shift.count == shift.count:
         return reference
-    return shifted(
-        reference,
-        frames.subtract(shift.position_ned_m, window.shift.position_ned_m),
-        frames.subtract(shift.velocity_ned_m_s, window.shift.velocity_ned_m_s),
-        shift.yaw_rad - window.shift.yaw_rad,
-        shift.time_s,
-    )
+    return shifted(reference, *shift.since(window.shift), shift.time_s)
 
 
 def _extrapolated(r: Reference, time_s: float) -> Reference:

@@ -264,16 +264,14 @@ class TrajectoryTask:
                 self._active.plan = None
         if shift.count == self._shift.count:
             return
-        dp = frames.subtract(shift.position_ned_m, self._shift.position_ned_m)
-        dv = frames.subtract(shift.velocity_ned_m_s, self._shift.velocity_ned_m_s)
-        dyaw = shift.yaw_rad - self._shift.yaw_rad
+        jumped = shift.since(self._shift)
         self._shift = shift
         if self._rest is not None:
-            self._rest = self._rest.shifted(dp, dv, dyaw, shift.time_s)
+            self._rest = self._rest.shifted(*jumped, shift.time_s)
         active = self._active
         if active is not None and active.plan is not None:
             anew = active.order.resolve and not active.canceled
-            active.plan = None if anew else active.plan.shifted(dp, dv, dyaw, shift.time_s)
+            active.plan = None if anew else active.plan.shifted(*jumped, shift.time_s)
 
     def _current_plan(self, flown: Reference) -> Plan:
         active = self._active
