@@ -5,6 +5,7 @@ are an object, unknown keys are refused.
 """
 
 import json
+from codecs import BOM_UTF8
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
@@ -14,7 +15,7 @@ from pydantic import ValidationError
 
 from daemon.goals.errors import ErrorCode, ProtocolError
 from daemon.goals.methods import METHODS, Method
-from daemon.goals.schema import Params
+from daemon.goals.schema import UNIONS, Params
 
 MAX_BATCH = 100
 MAX_VALUES = 1000
@@ -61,6 +62,8 @@ def parse(line: bytes) -> tuple[list[Any], bool]:
 
     Raises `ProtocolError`: PARSE when it is not JSON, INVALID_REQUEST when the batch is empty or too large.
     """
+    if line.startswith(BOM_UTF8):
+        raise ProtocolError(ErrorCode.PARSE, "not JSON: the line begins with a byte order mark (UTF-8 BOM); send none")
     try:
         message = json.loads(line.decode("utf-8"), parse_constant=_no_literal)
     except RecursionError:
@@ -225,10 +228,13 @@ def explained(item: dict[str, Any], params: dict[str, Any]) -> ProtocolError:
 
 
 def _path(location: Sequence[str | int], params: Any, kind: str) -> str:
-    """Path of a pydantic location in what the client sent: names that are not keys there are union tags, left out."""
-    path, value = "", params
+    """Path of a pydantic location in what the client sent: what follows the name of a union is its tag, left out."""
+    path, value, before = "", params, ""
     for depth, step in enumerate(location):
         last = depth == len(location) - 1
+        before, parent = str(step), before
+        if parent in UNIONS:
+            continue
         if isinstance(step, int):
             path += f"[{step}]"
             value = value[step] if isinstance(value, list) and step < len(value) else None

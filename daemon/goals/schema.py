@@ -105,6 +105,9 @@ class Path(Params):
         return given
 
 
+UNIONS = frozenset({"trajectory", "heading"})  # in pydantic's locations a tag follows these names
+
+
 class HeadingPoint(Params):
     """The heading looks at a point, in the frame of the trajectory."""
 

@@ -91,6 +91,14 @@ TO_NOWHERE = {"heading": {"point": [1, 2]}}
             "trajectory.heading.point[2]",
             None,
         ),
+        (
+            lambda: submit(trajectory=CIRCLE | {"heading": {"point": [1, 2, 3], "x": 1}}),
+            -32602,
+            "trajectory.heading.x",
+            "is not a known key",
+        ),
+        (lambda: submit(trajectory=CIRCLE | {"circle": 1}), -32602, "trajectory.circle", "is not a known key"),
+        (lambda: submit(trajectory=CIRCLE | {"circle": {"axis": 1}, "axis": 1}), -32602, "trajectory.axis", None),
         (lambda: refusal_of("vehicle.takeoff", {"altitude_m": 0}), -32001, "altitude_m", None),
         (lambda: refusal_of("vehicle.takeoff", {}), -32602, "altitude_m", "is missing"),
         (lambda: refusal_of("vehicle.land", {"now": True}), -32602, "now", "is not a known key"),
@@ -149,6 +157,7 @@ def test_what_is_not_json_is_a_parse_error(line):
         (b"1" * 5000, "not JSON that can be read: it has a number of too many digits"),
         (b"\xff\xfe", "not JSON: it is not UTF-8"),
         (b"[NaN]", "not JSON: NaN is not JSON"),
+        (b'\xef\xbb\xbf{"id": 1}', "not JSON: the line begins with a byte order mark (UTF-8 BOM); send none"),
         (b"[1,", "not JSON: Expecting value: line 1 column 4 (char 3)"),
     ],
 )
