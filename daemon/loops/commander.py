@@ -136,10 +136,10 @@ class Commander:
         altitude_amsl_m = status.global_position.altitude_amsl_m + altitude_m
         if status.mode is not FlightMode.HOLD:
             # Arming is refused in Land, and in a mode that lacks what it needs.
-            self._post(RequestKind.HOLD)
+            self.post(RequestKind.HOLD)
             await self._until_mode(turn, FlightMode.HOLD)
         await self._arm(turn)
-        self._post(RequestKind.TAKEOFF)
+        self.post(RequestKind.TAKEOFF)
         await self._command(turn, Command(CommandKind.TAKEOFF, altitude_amsl_m))
         await self._until(turn, lambda: self.state is State.TAKING_OFF, self._timeouts.mode_s, "taking off")
         limit_s = self._timeouts.takeoff_s + altitude_m / self._timeouts.climb_m_s
@@ -161,7 +161,7 @@ class Commander:
         self.require_engageable()
         self._autopilot.withdraw_commands()
         self._gate.unlatch()
-        self._post(RequestKind.ENGAGE)
+        self.post(RequestKind.ENGAGE)
 
     async def engaged(self, wanted: Callable[[], bool]) -> None:
         """Wait for the end of an engage that was asked for, for whoever still wants it."""
@@ -201,7 +201,7 @@ class Commander:
     async def hold(self) -> None:
         """The autopilot's Hold, from any airborne mode except a pilot's; also how the vehicle is released."""
         turn = await self._begin_leaving("hold")
-        self._post(RequestKind.HOLD)
+        self.post(RequestKind.HOLD)
         await self._until_mode(turn, FlightMode.HOLD)
         await self._until(turn, lambda: self.read and self.state is State.READY, self._timeouts.mode_s, "in Hold")
 
@@ -219,7 +219,7 @@ class Commander:
         height_m = 0.0
         if record is not None and record.estimate.newest is not None:
             height_m = max(0.0, -record.estimate.newest.position_ned_m[2])
-        self._post(kind)
+        self.post(kind)
         await self._until_mode(turn, mode)
         await self._until(turn, lambda: self.state is State.LANDING, self._timeouts.mode_s, kind.value + "ing")
         limit_s += height_m / self._timeouts.descend_m_s
@@ -263,15 +263,15 @@ class Commander:
         return turn
 
     async def _command(self, turn: int, command: Command) -> None:
-        """Command and acknowledgement; what came of it does not count when the request was superseded meanwhile."""
+        """Command and acknowledgement; a refusal does not count when the request was superseded meanwhile."""
         try:
             await self._autopilot.command(command, self._timeouts.acknowledge_s)
         except LinkError as error:
             _require_wanted(self._turn == turn)
             raise type(error)(f"{command.kind.value}: {error}") from None
-        _require_wanted(self._turn == turn)
 
-    def _post(self, kind: RequestKind) -> None:
+    def post(self, kind: RequestKind) -> None:
+        """Ask the supervisor, and wait for nothing: it reads the newest request alone."""
         last = self._request.value
         self._request.set(VehicleRequest(1 if last is None else last.serial + 1, kind))
 
@@ -304,9 +304,11 @@ class Commander:
         def settled() -> bool:
             status = self._autopilot.status.value
             refusal = status.mode_refusal
+            if status.mode is mode:
+                return True
             if refusal is not None and refusal.mode is mode and refusal.time_s >= since_s and self.state not in OURS:
                 raise CommandRefusedError(f"the autopilot refused {mode.value}: {refusal.reason}")
-            return status.mode is mode
+            return False
 
         await self._until(turn, settled, self._timeouts.mode_s, f"in mode {mode.value}")
 

@@ -142,8 +142,7 @@ class Vehicle:
         self.commander.stopping = True
         taken = self._is_taken()
         if taken:
-            last = self.request.value
-            self.request.set(VehicleRequest(1 if last is None else last.serial + 1, RequestKind.HOLD))
+            self.commander.post(RequestKind.HOLD)
         if self.trajectory.goal_id is not None:
             self.trajectory.abort(self.trajectory.goal_id, "stopping")
         if taken:

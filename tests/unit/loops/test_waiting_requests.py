@@ -9,7 +9,7 @@ from support.commander_rig import AIR, GROUND, TIMEOUTS, Vehicle, answers, play
 
 from daemon.autopilot.port import Command, CommandRefusedError, CommandTimeoutError
 from daemon.loops.commander import Commander, NotPossibleError
-from daemon.messages import AutopilotStatus, FlightMode, LandedState, RequestKind
+from daemon.messages import AutopilotStatus, FlightMode, LandedState, ModeRefusal, RequestKind
 from daemon.safety.supervisor import State
 
 
@@ -116,6 +116,30 @@ def test_a_release_under_way_is_let_end_before_another_mode_is_asked() -> None:
         landing.cancel()
 
     play(scenario, replace(AIR, mode=FlightMode.OFFBOARD), State.RELEASING)
+
+
+def test_a_pilot_who_takes_over_during_a_release_is_asked_for_no_other_mode() -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        vehicle.later(0.2, State.PILOT, "pilot_override", mode=FlightMode.POSITION)
+        with pytest.raises(NotPossibleError, match="a pilot flies in mode position"):
+            await vehicle.commander.land()
+        await asyncio.sleep(0.1)
+        assert vehicle.asked == []
+
+    play(scenario, replace(AIR, mode=FlightMode.OFFBOARD), State.RELEASING)
+
+
+def test_a_hold_that_is_refused_at_first_may_still_come_while_the_vehicle_is_released() -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        def refuse() -> None:
+            refusal = ModeRefusal(FlightMode.HOLD, "not now", asyncio.get_running_loop().time())
+            vehicle.set(State.RELEASING, mode_refusal=refusal)
+            vehicle.later(0.2, State.READY, mode=FlightMode.HOLD)
+
+        answers(vehicle, {RequestKind.HOLD: refuse})
+        await vehicle.commander.hold()
+
+    play(scenario, replace(AIR, mode=FlightMode.OFFBOARD), State.HOLDING)
 
 
 def test_an_engage_for_a_goal_ends_with_the_goal() -> None:
