@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import Any, Self, TypeVar
 
 from daemon.goals.client import FlightClient, Telemetry
+from daemon.goals.client_errors import NoDaemonError
+from daemon.goals.connection import NOT_CONNECTED
 from daemon.goals.goal import Feedback, Goal, Result
 from daemon.goals.results import GoalRecord, Setting, SettingValue, Status, SystemInfo, VehicleDone
 
@@ -36,7 +38,11 @@ class BlockingGoal:
 
     def wait(self, timeout_s: float | None = None) -> Result:
         """Wait until the goal ends. Raises `TimeoutError` after ``timeout_s``; the goal goes on then."""
-        return self._client.do(asyncio.wait_for(self._goal.result(), timeout_s))
+
+        async def ended() -> Result:
+            return await asyncio.wait_for(self._goal.result(), timeout_s)
+
+        return self._client.do(ended())
 
     def cancel(self) -> None:
         """Cancel: the vehicle brakes and holds; the result with ``canceled`` follows."""
@@ -78,7 +84,13 @@ class BlockingFlightClient:
         self._loop.close()
 
     def do(self, work: Coroutine[Any, Any, T]) -> T:
-        """Run a coroutine on the client's loop and wait for what it returns."""
+        """Run a coroutine on the client's loop and wait for what it returns.
+
+        Raises `NoDaemonError` outside of the ``with`` block.
+        """
+        if not self._thread.is_alive():
+            work.close()
+            raise NoDaemonError(NOT_CONNECTED)
         future = asyncio.run_coroutine_threadsafe(work, self._loop)
         try:
             return future.result()
@@ -164,6 +176,26 @@ class BlockingFlightClient:
     def fly(self, trajectory: dict[str, Any], **more: Any) -> BlockingGoal:
         """Fly a circle, a lemniscate, a polynomial or a hold."""
         return BlockingGoal(self, self.do(self._client.fly(trajectory, **more)))
+
+    def stream(self, **more: Any) -> BlockingGoal:
+        """Begin to be the planner: send references with `send_reference`; takes what `FlightClient.stream` takes."""
+        return BlockingGoal(self, self.do(self._client.stream(**more)))
+
+    def submit(self, goal: dict[str, Any], **more: Any) -> BlockingGoal:
+        """Submit a goal as the protocol has it; takes what `FlightClient.submit` takes."""
+        return BlockingGoal(self, self.do(self._client.submit(goal, **more)))
+
+    def update(self, goal_id: str, north: float, east: float, down: float, **waypoint: Any) -> None:
+        """Move the active goal without ending it."""
+        self.do(self._client.update(goal_id, north, east, down, **waypoint))
+
+    def send_reference(self, goal_id: str, position: Sequence[float], velocity: Sequence[float], **more: Any) -> None:
+        """Send the next reference of a stream goal, local NED; ``more`` as in reference.set."""
+        self.do(self._client.send_reference(goal_id, position, velocity, **more))
+
+    def send_pose(self, position: Sequence[float], orientation: Sequence[float], **more: Any) -> None:
+        """Feed a pose from outside to the estimator; ``more`` as in estimator.pose."""
+        self.do(self._client.send_pose(position, orientation, **more))
 
     def cancel(self, goal_id: str | None = None) -> str:
         """Cancel a goal, or the active one; returns its id at once."""

@@ -15,14 +15,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self, cast
 
-from daemon.goals.client_errors import ConnectionLostError, FlightError, NoDaemonError, RequestError, UnknownGoalError
+from daemon.goals.client_errors import (
+    ConnectionLostError,
+    FlightError,
+    InvalidRequestError,
+    NoDaemonError,
+    RequestError,
+    UnknownGoalError,
+)
 from daemon.goals.connection import Connection
+from daemon.goals.errors import ErrorCode
 from daemon.goals.goal import Goal, Result, feedback_from, result_from
 from daemon.goals.results import GoalRecord, Setting, SettingValue, Status, SystemInfo, VehicleDone
 from daemon.goals.sockets import client_path
 
 TELEMETRY_QUEUE = 256
 READ_TRIES = 3
+FORGOTTEN = "the daemon does not know it any more: it was restarted, or newer goals took its place"
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +119,9 @@ class FlightClient:
 
     async def telemetry(self, *topics: str, rate_hz: float = 10.0) -> AsyncIterator[Telemetry]:
         """Notifications of the topics, from now on; one that is not taken in time is dropped for newer ones."""
+        if not topics:
+            reason = "name one at least"
+            raise InvalidRequestError(ErrorCode.INVALID_PARAMS, f"topics: {reason}", "topics", reason)
         listener = _Listener(frozenset(topics), rate_hz, asyncio.Queue(TELEMETRY_QUEUE))
         self._listeners.append(listener)  # first: what comes with the reply counts too
         try:
@@ -292,7 +304,7 @@ class FlightClient:
         try:
             record = await self.goal_record(goal.goal_id)
         except UnknownGoalError:
-            self._end(goal, Result(goal.goal_id, "aborted", reason="the daemon was restarted"))
+            self._end(goal, Result(goal.goal_id, "aborted", reason=FORGOTTEN))
             return
         except RequestError as error:
             self._goals.pop(goal.goal_id, None)

@@ -5,6 +5,7 @@ import json
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import suppress
 from itertools import count
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from daemon.goals.errors import MAX_LINE_BYTES, ErrorCode
 MAX_REPLY_BYTES = 4 * 1024 * 1024
 FIRST_RETRY_S = 0.05
 LAST_RETRY_S = 1.0
+NOT_CONNECTED = "not connected: use it in a `with` block"
 
 OnNotification = Callable[[str, dict[str, Any]], None]
 OnReturn = Callable[[], Coroutine[Any, Any, None]]
@@ -44,7 +46,8 @@ class Connection:
         self._pending: dict[int, asyncio.Future[dict[str, Any]]] = {}
         self._writer: asyncio.StreamWriter | None = None
         self._up = asyncio.Event()
-        self._gone: NoDaemonError | None = None
+        self._up.set()
+        self._gone: NoDaemonError | None = NoDaemonError(NOT_CONNECTED)
         self._complaint: str | None = None
         self._heard = False
         self._task: asyncio.Task[None] | None = None
@@ -52,6 +55,7 @@ class Connection:
     async def open(self) -> None:
         """Connect. Raises `NoDaemonError`."""
         reader = await self._connect()
+        self._gone = None
         self._task = asyncio.create_task(self._run(reader))
 
     async def close(self) -> None:
@@ -61,7 +65,7 @@ class Connection:
             with suppress(asyncio.CancelledError):
                 await self._task
         self._drop("the connection was closed")
-        self._gone = NoDaemonError("the connection was closed")
+        self._gone = NoDaemonError(NOT_CONNECTED)
         self._up.set()
 
     async def call(self, method: str, params: dict[str, Any]) -> dict[str, Any]:
@@ -184,11 +188,18 @@ class Connection:
 def _line(message: dict[str, Any]) -> bytes:
     """Raises `InvalidRequestError` when the daemon could not even say which request it refuses."""
     try:
-        line = json.dumps(message, separators=(",", ":"), allow_nan=False).encode("ascii") + b"\n"
-    except ValueError:
-        reason = "a number is not finite"
+        line = json.dumps(message, separators=(",", ":"), allow_nan=False, default=_number).encode("ascii") + b"\n"
+    except (TypeError, ValueError) as error:
+        reason = str(error) if isinstance(error, TypeError) else "a number is not finite"
         raise InvalidRequestError(ErrorCode.INVALID_PARAMS, reason, "params", reason) from None
     if len(line) > MAX_LINE_BYTES:
         reason = f"is longer than {MAX_LINE_BYTES} bytes"
         raise InvalidRequestError(ErrorCode.INVALID_REQUEST, f"the request {reason}", None, f"the request {reason}")
     return line
+
+
+def _number(value: object) -> float:
+    """Numbers that are not Python's own, numpy's for one."""
+    if not isinstance(value, Real):
+        raise TypeError(f"a {type(value).__name__} is not JSON")
+    return float(value)
