@@ -126,6 +126,17 @@ def describe(path: str) -> dict[str, Any]:
     }
 
 
+def keys_of(path: str) -> list[str]:
+    """Keys of the section at a dotted path; none when there is no such section."""
+    model: type[BaseModel] = Config
+    for name in path.split("."):
+        section = _section(model.model_fields[name]) if name in model.model_fields else None
+        if section is None:
+            return []
+        model = section
+    return list(model.model_fields)
+
+
 def _section(field: FieldInfo) -> type[BaseModel] | None:
     annotation = field.annotation
     return annotation if isinstance(annotation, type) and issubclass(annotation, BaseModel) else None

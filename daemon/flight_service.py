@@ -226,7 +226,9 @@ class Service:
             described = configuration.describe(path)
             value = configuration.value_at(self._vehicle.config, path)
         except KeyError:
-            raise ProtocolError(ErrorCode.REFUSED, f"there is no setting {path!r}", "path") from None
+            keys = ", ".join(configuration.keys_of(path))
+            reason = f"{path} is a section; its keys are {keys}" if keys else f"there is no setting {path!r}"
+            raise ProtocolError(ErrorCode.REFUSED, reason, "path") from None
         return {"path": path, "value": value, **described}  # type: ignore[typeddict-item]
 
     async def _done(self, request: Callable[[], Awaitable[None]]) -> results.VehicleDone:

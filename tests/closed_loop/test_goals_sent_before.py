@@ -114,7 +114,8 @@ def test_an_engage_or_a_goal_right_after_a_landing_is_refused_and_the_landing_go
             error = (await client.reply(refused))["error"]
             assert error["code"] == ErrorCode.WRONG_STATE
             assert f"{request_name} was asked for and may still come" in error["message"]
-        assert (await client.reply(request_name, 600.0))["result"]["state"] == "standby"
+        done = (await client.reply(request_name, 600.0))["result"]
+        assert (done["state"], done["mode"]) == ("standby", "offboard")
         assert flight.ended == []
 
     fly(scenario)

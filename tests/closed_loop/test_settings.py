@@ -46,6 +46,15 @@ def test_gains_and_limits_may_be_set_in_flight_and_of_the_modes_those_that_are_f
         ("control.velocity_yaw", True, -32001, "path", None),
         ("log.level", "debug", -32001, "path", None),
         ("control.drag", 1.0, -32001, "path", "there is no setting 'control.drag'"),
+        ("guidance.limits.x", 1.0, -32001, "path", "there is no setting 'guidance.limits.x'"),
+        (
+            "guidance",
+            1.0,
+            -32001,
+            "path",
+            "guidance is a section; its keys are profile, natural_frequency_rad_s, damping, max_distance_m, "
+            "deviation_max_m, limits",
+        ),
     ],
 )
 def test_a_value_that_cannot_be_is_refused_by_code_field_and_reason(

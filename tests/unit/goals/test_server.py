@@ -186,6 +186,7 @@ async def test_line_that_is_too_long_is_answered_and_ends_the_connection(path):
 @pytest.mark.parametrize("many", [1, 300])
 async def test_all_that_a_client_sent_before_it_closed_is_done(path, monkeypatch, many, notices):
     """More than one reading of the buffer, too; and when the client closes just as the daemon writes to it."""
+    monkeypatch.setattr(session_module, "LEFT_S", 60.0)
     if notices == "as the reply fails":
         monkeypatch.setattr(session_module.Session, "_peer_closed", lambda session: session._hung_up)
     lines = [request("system.info")] * many + [request("vehicle.hold"), request("vehicle.land")]
