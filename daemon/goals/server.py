@@ -83,11 +83,11 @@ class GoalServer:
 
     def opened(self, session: Session) -> ProtocolError | None:
         """Take the connection in, or say why not; some are kept for those who act."""
-        self._sessions.add(session)
-        self._empty.clear()
         kept = 0 if session.caller.operator else KEPT_FOR_OPERATORS
         most = max(0, self._most_clients - kept)
-        if len(self._sessions) <= most:
+        if len(self._sessions) < most:
+            self._sessions.add(session)
+            self._empty.clear()
             return None
         reason = f"too many connections: {most} are open already; close some and try again"
         return ProtocolError(ErrorCode.WRONG_STATE, reason)

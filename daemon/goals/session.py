@@ -18,6 +18,7 @@ HARD_LIMIT_BYTES = 1024 * 1024
 MAX_IN_FLIGHT = 32
 PATIENCE_S = 5.0
 LEFT_S = 2.0
+GOODBYE_S = 0.1
 
 log = logs.get("goals")
 
@@ -191,9 +192,13 @@ class Session(asyncio.BufferedProtocol):
             transport.write(line)
 
     def fail(self, error: ProtocolError) -> None:
-        """Answer with an error and close."""
+        """Answer with an error and close, a little later: a client that is about to write would not read it."""
         self.send(encode_error(None, error), essential=True)
-        self.close()
+        self._closing = True
+        if self._transport is not None:
+            self._transport.pause_reading()
+            self._transport.write_eof()
+        self._loop.call_later(GOODBYE_S, self.close)
 
     def close(self) -> None:
         """Close when what was written has gone out."""

@@ -1,6 +1,7 @@
 import asyncio
 import json
 import resource
+import select
 import socket
 from contextlib import asynccontextmanager
 from dataclasses import replace
@@ -411,6 +412,26 @@ async def test_client_beyond_the_limit_is_told_so(path, monkeypatch):
             assert told["message"] == "too many connections: 1 are open already; close some and try again"
             assert await second.reader.read() == b""
         await settle(first)
+
+
+async def test_who_is_turned_away_may_still_write_and_read_why_and_takes_no_place(path, monkeypatch):
+    monkeypatch.setattr("daemon.goals.server.MAX_CLIENTS", 2)
+    loop = asyncio.get_running_loop()
+    async with serving(path) as daemon, raw(path) as first:
+        async with raw(path) as second:
+            await settle(second)
+            with socket.socket(socket.AF_UNIX) as client:
+                client.connect(str(path))
+                await loop.run_in_executor(None, select.select, [client], [], [], 10.0)
+                await settle(first)
+                client.sendall(json.dumps(request("status.get")).encode() + b"\n")
+                assert b"too many connections" in client.recv(1 << 16)
+                assert client.recv(1 << 16) == b""
+                assert len(daemon.server._sessions) == 2
+        while len(daemon.server._sessions) > 1:
+            await settle(first)
+        async with raw(path) as third:
+            await settle(third)
 
 
 async def test_last_connections_are_kept_for_operators(path, monkeypatch):
