@@ -65,16 +65,6 @@ def run(
         return asyncio.run(_main(config, socket, watch))
 
 
-def check_config(config_files: list[Path]) -> int:
-    """Check the configuration and say what is wrong with it; returns the exit code."""
-    try:
-        config = load(config_files)
-    except ConfigError as error:
-        return _complain(error)
-    print(f"configuration is good (hash {config.hash()})")  # noqa: T201 - the answer of a command
-    return EXIT_OK
-
-
 def _complain(error: ConfigError) -> int:
     logs.configure("error")
     for fault in error.faults:

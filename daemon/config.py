@@ -4,6 +4,8 @@ A bad key, type or range is refused with the key's path, the value and the allow
 nothing.
 """
 
+import re
+import reprlib
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -60,7 +62,7 @@ def _read(file: Path) -> dict[str, Any]:
         values = yaml.safe_load(file.read_text())
     except OSError as error:
         raise ConfigError([f"{file}: {error.strerror}"]) from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: no UTF-8, or no date such as 2026-13-45
         raise ConfigError([f"{file}: not YAML: {' '.join(str(error).split())}"]) from None
     if values is None:
         return {}
@@ -77,15 +79,40 @@ def _stacked(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
     return result
 
 
+_WANTED = {
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "int_type": "a whole number",
+    "bool_type": "true or false",
+    "string_type": "text",
+    "tuple_type": "a list",
+    "model_type": "a section of keys",
+}
+
+
 def _sentence(fault: Any) -> str:
+    kind, value, context = fault["type"], fault.get("input"), fault.get("ctx") or {}
     path = ".".join(str(part) for part in fault["loc"]) or "configuration"
-    value = fault.get("input")
-    shown = f" (it is {value!r})" if not isinstance(value, dict) else ""
-    if fault["type"] == "extra_forbidden":
+    if kind in ("extra_forbidden", "invalid_key"):
         return f"{path}: there is no such key"
-    if fault["type"] == "missing":
+    if kind == "missing":
         return f"{path}: is missing"
-    return f"{path}: {unacceptable(fault) or fault['msg'][0].lower() + fault['msg'][1:] + shown}"
+    if kind == "too_long":
+        return f"{path}: must have at most {context['max_length']} items, not {len(value)}"
+    wanted = context["expected"] if kind == "literal_error" else _WANTED.get(kind)
+    if wanted is not None:
+        return f"{path}: must be {wanted}, not {reprlib.repr(value)}{_yaml_hint(kind, value)}"
+    return f"{path}: {unacceptable(fault) or fault['msg'][0].lower() + fault['msg'][1:]}"
+
+
+def _yaml_hint(kind: str, value: Any) -> str:
+    """What YAML made of a word that was meant otherwise."""
+    if kind == "literal_error" and isinstance(value, bool):
+        return " (YAML reads a bare off or on so: write it in quotes)"
+    power = re.fullmatch(r"([-+]?\d+)(\.\d*)?[eE]([-+]?\d+)", value) if isinstance(value, str) else None
+    if kind != "float_type" or power is None:
+        return ""
+    return f" (YAML reads it as text: write {power[1]}{power[2] or '.0'}e{int(power[3]):+d})"
 
 
 def unacceptable(fault: Any) -> str | None:

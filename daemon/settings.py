@@ -64,6 +64,9 @@ class Link(Section):
         if not _CONNECTION.fullmatch(value):
             examples = "udpin://0.0.0.0:14540, tcpout://10.0.0.1:5760 or serial:///dev/ttyAMA0:921600"
             raise ValueError(f"{value!r} is no connection such as {examples}")
+        port = int(value.rpartition(":")[2])
+        if not value.startswith("serial") and not 1 <= port <= 65535:
+            raise ValueError(f"{value!r}: port {port} is not within 1 to 65535")
         return value
 
 

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from daemon.cli.common import Exit, fail, say
+
 ConfigFiles = Annotated[
     list[Path] | None,
     typer.Option("--config", metavar="FILE", help="YAML file over the defaults; may be given several times."),
@@ -41,6 +43,10 @@ def check_config(
     ] = None,
 ) -> None:
     """Check configuration files without starting anything; exit code 2 when they cannot be used."""
-    from daemon import app
+    from daemon.config import ConfigError, load
 
-    raise typer.Exit(app.check_config(files or []))
+    try:
+        config = load(files or [])
+    except ConfigError as error:
+        fail(Exit.REFUSED, str(error), as_json=False)
+    say(f"configuration is good (hash {config.hash()})")

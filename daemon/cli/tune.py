@@ -64,6 +64,7 @@ def tune(
     from daemon.config import ConfigError, load
     from daemon.endpoint import EndpointInUseError
     from daemon.loops.commander import NotPossibleError
+    from daemon.sim import airframe_files
     from daemon.tuning.experiment import StoppedError
     from daemon.tuning.measurement import PoorDataError, measure
     from daemon.tuning.proposal import propose
@@ -72,11 +73,13 @@ def tune(
     if simulate and connection is not None:
         fail(Exit.REFUSED, "--simulate has a connection of its own", as_json)
     try:
-        loaded = load(config or [])
+        loaded = load(config or [], {} if connection is None else {"link": {"connection": connection}})
         name = Path(airframe or ("sih" if simulate else "airframe")).stem
         takeoff_m = _TAKEOFF_M if takeoff or simulate else None
         simulated = airframe or "sih" if simulate else None
-        measured = measure(asyncio.run(_flown(loaded, connection or loaded.link.connection, simulated, takeoff_m)))
+        if simulated is not None:
+            airframe_files.load(simulated)
+        measured = measure(asyncio.run(_flown(loaded, simulated, takeoff_m)))
         proposal = propose(measured, loaded)
         files = _write(out, name, measured, proposal, config or [])
     except PoorDataError as error:
@@ -101,10 +104,11 @@ def tune(
             say(line)
 
 
-async def _flown(config: "Config", connection: str, simulated: str | None, takeoff_m: float | None) -> "Recording":
+async def _flown(config: "Config", simulated: str | None, takeoff_m: float | None) -> "Recording":
     """The measuring flight, on a simulator of its own if asked for; Ctrl-C ends it and hands the vehicle back."""
     from daemon.tuning.live import record
 
+    connection = config.link.connection
     children: list[asyncio.Task[None]] = []
     async with AsyncExitStack() as stack:
         if simulated is not None:

@@ -152,3 +152,35 @@ def test_run_refuses_a_connection_that_is_none(flightd):
 def test_the_help_of_a_circle_says_from_where_its_sense_is_seen(flightd):
     said = " ".join(flightd("fly", "circle", "--help").out.split())
     assert "seen along the axis: from above, but from below in local_enu" in said
+
+
+def test_check_config_answers_in_plain_lines(flightd, tmp_path):
+    file = tmp_path / "own.yaml"
+    file.write_text("guidance: 5\nfoo: 1\n")
+    done = flightd("check-config", file)
+    assert (done.returncode, done.out) == (2, "")
+    assert done.err == "guidance: must be a section of keys, not 5\nfoo: there is no such key\n"
+    file.write_text("d: 2026-13-45\n")
+    assert flightd("check-config", file).err == f"{file}: not YAML: month must be in 1..12\n"
+    assert flightd("check-config").out.startswith("configuration is good (hash ")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--connection", "foo"], "link.connection: 'foo' is no connection"),
+        (["--simulate", "--airframe", "nope"], "airframe nope: no such airframe; known: sih, x500"),
+    ],
+)
+def test_tune_refuses_what_it_cannot_fly_before_it_starts(flightd, arguments, words):
+    done = flightd("tune", *arguments)
+    assert done.returncode == 2
+    assert words in done.err
+
+
+def test_a_scenario_for_a_vehicle_that_is_not_there_says_where(flightd, tmp_path):
+    file = tmp_path / "bad_day.yaml"
+    file.write_text("- {fault: gps_loss, duration_s: 1}\n- {fault: gps_loss, duration_s: 1, vehicle: 2}\n")
+    done = flightd("sim", "--scenario", file, "--port", 25310)
+    assert done.returncode == 2
+    assert done.err == f"scenario {file}: [1].vehicle: 2; there is only 1 (--vehicles)\n"
