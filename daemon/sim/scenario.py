@@ -6,7 +6,7 @@ An entry is a fault's mapping with ``at_s`` (simulated seconds from the start; 0
 
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +27,7 @@ class ScheduledFault:
     at_s: float
     fault: Fault
     vehicle: int | None = None
+    origin: str = field(default="", compare=False)  # where a person finds it
 
 
 def scenario(entries: Any) -> tuple[ScheduledFault, ...]:
@@ -36,7 +37,7 @@ def scenario(entries: Any) -> tuple[ScheduledFault, ...]:
     planned = []
     for index, entry in enumerate(entries):
         try:
-            planned.append(_scheduled(entry))
+            planned.append(replace(_scheduled(entry), origin=f"[{index}]."))
         except ValueError as error:
             raise ValueError(f"[{index}].{error}") from error
     return tuple(sorted(planned, key=lambda entry: entry.at_s))
@@ -45,18 +46,19 @@ def scenario(entries: Any) -> tuple[ScheduledFault, ...]:
 def load(path: Path) -> tuple[ScheduledFault, ...]:
     """The scenario that a YAML file holds. Raises ValueError with the file and what is wrong with it."""
     try:
-        return scenario(yaml.safe_load(path.read_text(encoding="utf-8")))
+        planned = scenario(yaml.safe_load(path.read_text(encoding="utf-8")))
     except OSError as error:
         raise ValueError(f"scenario {path}: {error.strerror}") from error
     except (yaml.YAMLError, ValueError) as error:
         raise ValueError(f"scenario {path}: {error}") from error
+    return tuple(replace(entry, origin=f"scenario {path}: {entry.origin}") for entry in planned)
 
 
 def from_option(text: str) -> ScheduledFault:
     """``"gps_loss at_s=30 duration_s=10"`` as an entry. Raises ValueError with the text and the offending key."""
     name, *settings = text.split() or [""]
     try:
-        return _scheduled(settings_of(settings) | {"fault": name})
+        return replace(_scheduled(settings_of(settings) | {"fault": name}), origin=f"--fault {text!r}: ")
     except ValueError as error:
         raise ValueError(f"--fault {text!r}: {error}") from error
 
@@ -77,7 +79,8 @@ def schedule(vehicles: "Sequence[SimulatedPx4]", planned: Sequence[ScheduledFaul
     known = {px4.system_id for px4 in vehicles}
     for entry in planned:
         if entry.vehicle is not None and entry.vehicle not in known:
-            raise ValueError(f"vehicle: {entry.vehicle} is none of {', '.join(map(str, sorted(known)))}")
+            there = f"there is only {min(known)}" if len(known) == 1 else f"there are {min(known)} to {max(known)}"
+            raise ValueError(f"{entry.origin}vehicle: {entry.vehicle}; {there} (--vehicles)")
     for px4 in vehicles:
         px4.faults.schedule(entry for entry in planned if entry.vehicle in (None, px4.system_id))
 

@@ -98,7 +98,7 @@ async def test_a_fault_at_run_time_is_felt_on_the_wire(tmp_path: Path) -> None:
     ("arguments", "words"),
     [
         (("--fault", "gps_loss duration_s=long"), "--fault 'gps_loss duration_s=long': gps_loss.duration_s: 'long' is"),
-        (("--fault", "payload vehicle=2"), "vehicle: 2 is none of 1"),
+        (("--fault", "payload vehicle=2"), "vehicle: 2; there is only 1 (--vehicles)"),
         (("--scenario", "nowhere.yaml"), "scenario nowhere.yaml: No such file"),
         (("--airframe", "boeing"), "known: sih, x500"),
         (("--port", "65535", "--vehicles", "2"), "need ports up to 65536"),

@@ -112,7 +112,10 @@ def test_a_missing_file_is_named(tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("payload vehicle=3", "vehicle: 3 is none of 1, 2"), ("motor_efficiency rotor=6", "rotor: 6 is not in 0 to 3")],
+    [
+        ("payload vehicle=3", "vehicle: 3; there are 1 to 2 (--vehicles)"),
+        ("motor_efficiency rotor=6", "rotor: 6 is not in 0 to 3"),
+    ],
 )
 def test_what_does_not_fit_the_fleet_is_refused_before_the_start(text, words):
     with pytest.raises(ValueError, match=re.escape(words)):
