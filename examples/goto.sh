@@ -2,6 +2,7 @@
 # Fly to a position and print how it ended: goto.sh NORTH EAST DOWN. Needs socat.
 # Exit codes: 0 succeeded, 1 ended otherwise, 2 refused, 5 no daemon.
 set -eu
+[ $# -eq 3 ] || { echo "usage: goto.sh NORTH EAST DOWN" >&2; exit 2; }
 
 socket=${FLIGHTD_SOCKET:-}
 for place in /run/flightd "${XDG_RUNTIME_DIR:-/nowhere}" "/tmp/flightd-$(id -u)"; do

@@ -8,9 +8,7 @@ SIDES = ((1.0, 0.0, 180.0), (0.0, 1.0, -90.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 90.
 LOOK_S = 3.0
 
 
-def main(arguments: list[str]) -> int:
-    north, east, down = map(float, arguments[:3])
-    distance_m = float(arguments[3]) if len(arguments) > 3 else 4.0
+def main(north: float, east: float, down: float, distance_m: float = 4.0) -> int:
     with BlockingFlightClient() as flight:
         for toward_north, toward_east, yaw_deg in SIDES:
             side = north + distance_m * toward_north, east + distance_m * toward_east
@@ -22,4 +20,6 @@ def main(arguments: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    if not 3 <= len(sys.argv) - 1 <= 4:
+        sys.exit("usage: inspect_point.py NORTH EAST DOWN [DISTANCE]")
+    sys.exit(main(*map(float, sys.argv[1:])))

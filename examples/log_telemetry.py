@@ -28,4 +28,6 @@ async def main(file: Path, rows: int) -> None:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 3:
+        sys.exit("usage: log_telemetry.py FILE ROWS")
     asyncio.run(main(Path(sys.argv[1]), int(sys.argv[2])))

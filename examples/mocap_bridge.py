@@ -39,4 +39,6 @@ async def main(port: int, count: int | None) -> None:
 
 
 if __name__ == "__main__":
+    if not 1 <= len(sys.argv) - 1 <= 2:
+        sys.exit("usage: mocap_bridge.py PORT [COUNT]")
     asyncio.run(main(int(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else None))

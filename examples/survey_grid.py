@@ -1,4 +1,4 @@
-"""Fly lanes over a rectangle that begins where the local frame does: survey_grid.py LENGTH WIDTH SPACING HEIGHT."""
+"""Fly lanes over a rectangle that begins where the local frame does: survey_grid.py [LENGTH WIDTH SPACING HEIGHT]."""
 
 import sys
 
@@ -26,4 +26,6 @@ def main(arguments: list[str]) -> int:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) - 1 not in (0, 4):
+        sys.exit("usage: survey_grid.py [LENGTH WIDTH SPACING HEIGHT]")
     sys.exit(main(sys.argv[1:]))

@@ -101,6 +101,14 @@ def test_mocap_bridge_feeds_the_estimator(path):
     assert len(poses[0].covariance) == 6 and poses[0].stamp_s > 0
 
 
+@pytest.mark.parametrize("name", ["inspect_point.py", "log_telemetry.py", "mocap_bridge.py", "goto.sh"])
+def test_without_its_arguments_an_example_says_which_it_takes(path, name):
+    process = start(path, name)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode != 0
+    assert err.startswith(f"usage: {name} ") and err.count("\n") == 1
+
+
 @pytest.mark.skipif(shutil.which("socat") is None, reason="needs socat")
 def test_shell_script_flies_and_prints_the_result(path):
     with serving_in_thread(path, auto="succeeded") as daemon:
