@@ -20,15 +20,21 @@ def register(app: typer.Typer) -> None:
     app.add_typer(bench_app, name="bench")
 
 
-@bench_app.command()
+@bench_app.command(short_help="Time the daemon against plain clients.")
 def loop(
-    seconds: Annotated[float, typer.Option(help="How long each flight is measured.", min=1.0, max=3600.0)] = 5.0,
-    rounds: Annotated[int, typer.Option(help="Rounds through all flights.", min=1, max=100)] = 1,
-    rate: Annotated[float, typer.Option(help="The daemon's rate, Hz, if not named.", min=50.0, max=250.0)] = 100.0,
-    only: Annotated[list[str] | None, typer.Option(help="Only this flight; may be repeated.")] = None,
-    grpc_python: Annotated[Path | None, typer.Option(help="A Python that has mavsdk-grpc.")] = None,
-    against: Annotated[Path | None, typer.Option(help="JSON of an earlier run to compare ratios with.")] = None,
-    out: Annotated[Path | None, typer.Option(help="File for the JSON.")] = None,
+    seconds: Annotated[
+        float, typer.Option(metavar="NUMBER", help="How long each flight is measured.", min=1.0, max=3600.0)
+    ] = 5.0,
+    rounds: Annotated[int, typer.Option(metavar="N", help="Rounds through all flights.", min=1, max=100)] = 1,
+    rate: Annotated[
+        float, typer.Option(metavar="NUMBER", help="The daemon's rate, Hz, if not named.", min=50.0, max=250.0)
+    ] = 100.0,
+    only: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this flight; may be repeated.")] = None,
+    grpc_python: Annotated[Path | None, typer.Option(metavar="PATH", help="A Python that has mavsdk-grpc.")] = None,
+    against: Annotated[
+        Path | None, typer.Option(metavar="PATH", help="JSON of an earlier run to compare ratios with.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(metavar="PATH", help="File for the JSON.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Time the daemon and plain clients, in real time over UDP, against an autopilot's end that keeps time.
@@ -51,9 +57,9 @@ def loop(
         typer.echo("\n" + ratios)
 
 
-@bench_app.command()
+@bench_app.command(short_help="Time the daemon's start.")
 def start(
-    count: Annotated[int, typer.Option(help="How often it is started.", min=1, max=1000)] = 5,
+    count: Annotated[int, typer.Option(metavar="N", help="How often it is started.", min=1, max=1000)] = 5,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Start the daemon as systemd does: from exec to READY.
@@ -70,16 +76,24 @@ def start(
     typer.echo(f"{count} starts, exec to READY: p50 {quantile(seconds, 0.5):.2f}, most {max(seconds):.2f} s")
 
 
-@bench_app.command()
+@bench_app.command(short_help="Fly the tracking benchmark.")
 def track(
-    manoeuvre: Annotated[list[str] | None, typer.Option(help="Only this one; may be repeated.")] = None,
-    condition: Annotated[list[str] | None, typer.Option(help="Only this one; may be repeated.")] = None,
-    px4: Annotated[str | None, typer.Option(help="MAVSDK URL of a PX4 simulator that runs on this machine.")] = None,
-    hover_thrust: Annotated[float, typer.Option(help="What the law believes of the PX4's.", min=0.1, max=0.9)] = 0.5,
-    drag: Annotated[float, typer.Option(help="Drag over mass of the PX4's vehicle, 1/s.", min=0.0, max=5.0)] = 1.0,
-    out: Annotated[Path | None, typer.Option(help="Folder for track.json, track.md and track.png.")] = None,
+    manoeuvre: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this one; may be repeated.")] = None,
+    condition: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this one; may be repeated.")] = None,
+    px4: Annotated[
+        str | None, typer.Option(metavar="URL", help="MAVSDK URL of a PX4 simulator that runs on this machine.")
+    ] = None,
+    hover_thrust: Annotated[
+        float, typer.Option(metavar="NUMBER", help="What the law believes of the PX4's.", min=0.1, max=0.9)
+    ] = 0.5,
+    drag: Annotated[
+        float, typer.Option(metavar="NUMBER", help="Drag over mass of the PX4's vehicle, 1/s.", min=0.0, max=5.0)
+    ] = 1.0,
+    out: Annotated[
+        Path | None, typer.Option(metavar="PATH", help="Folder for track.json, track.md and track.png.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    seed: Annotated[int, typer.Option(help="Seed of noise and gusts.")] = 1,
+    seed: Annotated[int, typer.Option(metavar="N", help="Seed of noise and gusts.")] = 1,
 ) -> None:
     """Fly the tracking benchmark: flightd's law, the one of mavros_controllers and, with --px4, PX4's own.
 
@@ -108,10 +122,12 @@ def track(
     typer.echo(json.dumps(track_report.as_json(runs)) if as_json else track_report.table(runs))
 
 
-@bench_app.command()
+@bench_app.command(short_help="Tell what the simulator costs.")
 def sim(
-    seconds: Annotated[float, typer.Option(help="How long the fleet flies.", min=1.0, max=3600.0)] = 60.0,
-    vehicles: Annotated[int, typer.Option(help="How many there are.", min=1, max=50)] = 4,
+    seconds: Annotated[
+        float, typer.Option(metavar="NUMBER", help="How long the fleet flies.", min=1.0, max=3600.0)
+    ] = 60.0,
+    vehicles: Annotated[int, typer.Option(metavar="N", help="How many there are.", min=1, max=50)] = 4,
 ) -> None:
     """Tell what the simulator costs: a minute of flight in virtual time, and a fleet over UDP in real time.
 
@@ -163,10 +179,12 @@ def _tell(run: "Run") -> None:
     typer.echo(f"{run.manoeuvre}, {run.condition}, {run.contestant}: rms {run.rms_m:.3f} m{lost}", err=True)
 
 
-@bench_app.command()
+@bench_app.command(short_help="Reset the estimate in flight.")
 def resets(
-    seeds: Annotated[int, typer.Option(help="How many noises every flight is flown in.", min=1, max=100)] = 1,
-    out: Annotated[Path | None, typer.Option(help="File for the JSON.")] = None,
+    seeds: Annotated[
+        int, typer.Option(metavar="N", help="How many noises every flight is flown in.", min=1, max=100)
+    ] = 1,
+    out: Annotated[Path | None, typer.Option(metavar="PATH", help="File for the JSON.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Reset the simulated PX4's estimate in flight, under flightd's law and the one of mavros_controllers.
@@ -185,9 +203,11 @@ def resets(
     typer.echo(json.dumps(benchmark.as_json(figures)) if as_json else benchmark.table(figures))
 
 
-@bench_app.command()
+@bench_app.command(short_help="Time the estimators.")
 def estimators(
-    rounds: Annotated[int, typer.Option(help="Rounds through all estimators; the best is reported.", min=1)] = 5,
+    rounds: Annotated[
+        int, typer.Option(metavar="N", help="Rounds through all estimators; the best is reported.", min=1)
+    ] = 5,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Time a tick of each estimator on the telemetry of a simulated flight.
@@ -202,9 +222,9 @@ def estimators(
     typer.echo(json.dumps(benchmark.as_json(costs)) if as_json else benchmark.table(costs))
 
 
-@bench_app.command()
+@bench_app.command(short_help="Time the planning of goals.")
 def plan(
-    rounds: Annotated[int, typer.Option(help="How often each goal is planned.", min=1, max=10000)] = 200,
+    rounds: Annotated[int, typer.Option(metavar="N", help="How often each goal is planned.", min=1, max=10000)] = 200,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Time planning: to accept a goal, to plan it with its first reference window, and each window after it.
@@ -225,9 +245,9 @@ def plan(
         typer.echo(f"{name:38} {row}")
 
 
-@bench_app.command()
+@bench_app.command(short_help="Time goals from request to setpoint.")
 def goals(
-    count: Annotated[int, typer.Option(help="How many goals.", min=1, max=100000)] = 1000,
+    count: Annotated[int, typer.Option(metavar="N", help="How many goals.", min=1, max=100000)] = 1000,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Submit goals as fast as they are answered: from the request to the first setpoint that flies it.

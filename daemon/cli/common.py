@@ -52,15 +52,25 @@ OUTCOME_EXITS = {
     "preempted": Exit.PREEMPTED,
     "canceled": Exit.CANCELED,
 }
-EXIT_CODES_HELP = (
-    "Exit codes: 0 succeeded, 1 aborted, 2 refused, 3 preempted, 4 canceled, 5 no daemon, 6 not permitted, "
-    "130 interrupted."
-)
+# Exit codes of the help pages.
+_EVERYWHERE = "5 no daemon, or it does not answer, 6 not permitted, 130 interrupted"
+ANSWER_EXITS = f"0 done, 2 refused, {_EVERYWHERE}"
+REQUEST_EXITS = f"0 done, 1 timed out, 2 refused, 3 overtaken by a newer request, {_EVERYWHERE}"
+GOAL_EXITS = f"0 succeeded, 1 aborted, 2 refused, 3 preempted, 4 canceled, {_EVERYWHERE}"
 MINUS = "\N{MINUS SIGN}"
 NEGATIVE_NUMBER = re.compile(r"\A-(?=\.?\d)")
 
 
-class NumbersCommand(TyperCommand):
+class PlainCommand(TyperCommand):
+    """A command whose usage line shows its arguments as people type them."""
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """``N E D`` and ``[FILE...]``, whatever typer puts around them."""
+        pieces = [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]
+        return [re.sub(r"\}?\.\.\.(\]?)\}?\.\.\.$", r"...\1", piece) for piece in pieces]
+
+
+class NumbersCommand(PlainCommand):
     """A command that takes negative numbers as what they are, not as options: ``flightd goto 10 0 -5``."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -69,7 +79,8 @@ class NumbersCommand(TyperCommand):
         try:
             return super().parse_args(ctx, hidden)
         except typer.BadParameter as error:
-            error.message = error.message.removeprefix("Value error, ")  # pydantic's, by which typer checks choices
+            plain = error.message.replace(MINUS, "-")
+            error.message = plain.removeprefix("Value error, ")  # pydantic's, by which typer checks choices
             raise
 
 
@@ -101,9 +112,9 @@ SocketOption = Annotated[
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 
 
-def examples(*lines: str) -> str:
+def examples(*lines: str, exits: str = "") -> str:
     """Epilog of a help page."""
-    return "Examples:\n\n" + "\n\n".join(lines) + "\n\n" + EXIT_CODES_HELP
+    return "\n\n".join(["Examples:", *lines, *([f"Exit codes: {exits}."] if exits else [])])
 
 
 def say(text: str) -> None:

@@ -5,18 +5,27 @@ from typing import Annotated
 
 import typer
 
-from daemon.cli.common import Exit, fail, say
+from daemon.cli.common import Exit, PlainCommand, examples, fail, say
 
 ConfigFiles = Annotated[
     list[Path] | None,
-    typer.Option("--config", metavar="FILE", help="YAML file over the defaults; may be given several times."),
+    typer.Option(
+        "--config",
+        metavar="FILE",
+        help="YAML file over the defaults, or the name of one that comes with flightd: sim, sitl, x500. Repeatable.",
+    ),
 ]
+
+
+RUN_EXITS = "0 stopped, 1 failed, 2 the configuration is bad, 3 another daemon has the socket or the connection"
 
 
 def register(app: typer.Typer) -> None:
     """Add the commands."""
-    app.command(name="run", short_help="Run the daemon.")(run)
-    app.command(name="check-config", short_help="Check configuration files.")(check_config)
+    app.command(
+        name="run", short_help="Run the daemon.", epilog=examples("flightd run --config sitl", exits=RUN_EXITS)
+    )(run)
+    app.command(name="check-config", cls=PlainCommand, short_help="Check configuration files.")(check_config)
 
 
 def run(
@@ -28,10 +37,7 @@ def run(
         Path | None, typer.Option(metavar="PATH", readable=False, help="Path of the goal socket.")
     ] = None,
 ) -> None:
-    """Run the daemon until SIGTERM or Ctrl-C; it waits for an autopilot and takes goals on its socket.
-
-    Example: flightd run --config config/sitl.yaml
-    """
+    """Run the daemon until SIGTERM or Ctrl-C; it waits for an autopilot and takes goals on its socket."""
     from daemon import app
 
     raise typer.Exit(app.run(config or [], connection, socket))

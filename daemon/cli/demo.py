@@ -43,7 +43,9 @@ def demo(
     ),
     px4: Annotated[
         str | None,
-        typer.Option(help="Fly the PX4 at this MAVSDK URL, such as udpin://0.0.0.0:14540, not a simulated one."),
+        typer.Option(
+            metavar="URL", help="Fly the PX4 at this MAVSDK URL, such as udpin://0.0.0.0:14540, not a simulated one."
+        ),
     ] = None,
 ) -> None:
     """Fly three goals against the simulated PX4: the second preempts the first, the third turns; then report.
@@ -83,7 +85,6 @@ async def _fly(out: Path, px4: str | None) -> tuple[list[Result], list[Path]]:
             async with asyncio.timeout(WHOLE_S), AsyncExitStack() as stack:
                 socket = Path(folder) / "flightd.sock"
                 children = await _start(stack, out, records, socket, px4)
-                tell("daemon and simulated PX4 started" if px4 is None else "daemon started", True)
                 results = await _unless_ended(_session(socket, tell), children)
                 tell("stopping", False)
         except TimeoutError:
@@ -122,6 +123,7 @@ async def _session(socket: Path, tell: Tell) -> list[Result]:
             await asyncio.sleep(START_RETRY_S)
         else:
             raise DemoError(f"the daemon does not listen on {socket}")
+        tell("daemon started", True)
         return await demo_flight.fly(client, tell)
 
 
@@ -159,11 +161,18 @@ def _show(rows: list[Row]) -> None:
             row.goal,
             f"[{colour}]{row.outcome}[/{colour}]",
             _number(row.duration_s, " s", 1),
-            f"{_number(row.final_error_m, ' m', 2)}, {_number(row.final_error_deg, '°', 1)}",
+            _final_error(row),
             _number(row.largest_error_m, " m", 2),
             _number(row.largest_tilt_deg, "°", 0),
         )
     Console().print(made)
+
+
+def _final_error(row: Row) -> str:
+    """A goal that another one preempted was not to arrive."""
+    if row.expected == "preempted":
+        return "–"
+    return f"{_number(row.final_error_m, ' m', 2)}, {_number(row.final_error_deg, '°', 1)}"
 
 
 def _number(value: float | None, unit: str, digits: int) -> str:

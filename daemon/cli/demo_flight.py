@@ -34,7 +34,7 @@ class Leg:
 
 LEGS = (
     Leg("10 m north, left on the way", 10.0, 0.0, -5.0, preempt_at=0.4),
-    Leg("8 m east, 1 m up", 6.0, 8.0, -6.0),
+    Leg("6 m north, 8 m east, 1 m up", 6.0, 8.0, -6.0),
     Leg("back, heading east", 0.0, 2.0, -4.0, yaw_deg=90.0),
 )
 

@@ -232,4 +232,6 @@ def _say(finding: Finding) -> None:
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command(epilog=examples("flightd doctor", "flightd doctor --config config/x500.yaml"))(doctor)
+    app.command(
+        epilog=examples("flightd doctor", "flightd doctor --config x500", exits="0 nothing is bad, 1 something is bad")
+    )(doctor)

@@ -5,7 +5,21 @@ from typing import Annotated, Any
 
 import typer
 
-from daemon.cli.common import Exit, JsonOption, NumbersCommand, SocketOption, examples, fail, number, run, say, say_json
+from daemon.cli.common import (
+    ANSWER_EXITS,
+    GOAL_EXITS,
+    Exit,
+    JsonOption,
+    NumbersCommand,
+    PlainCommand,
+    SocketOption,
+    examples,
+    fail,
+    number,
+    run,
+    say,
+    say_json,
+)
 from daemon.cli.flying import fly
 from daemon.goals.client import FlightClient
 from daemon.goals.goal import Goal
@@ -41,8 +55,12 @@ class Through(StrEnum):
 North = Annotated[float, typer.Argument(parser=number, metavar="N", help="North, m (or x, or latitude).")]
 East = Annotated[float, typer.Argument(parser=number, metavar="E", help="East, m (or y, or longitude).")]
 Down = Annotated[float, typer.Argument(parser=number, metavar="D", help="Down, m (or z, or altitude).")]
-FrameOption = Annotated[FrameName, typer.Option("--frame", help="Frame of the position.")]
-ModeOption = Annotated[ModeName, typer.Option("--mode", help="Which parts of the pose count.")]
+FrameOption = Annotated[
+    FrameName, typer.Option("--frame", metavar="FRAME", help=f"Frame of the position: {', '.join(FrameName)}.")
+]
+ModeOption = Annotated[
+    ModeName, typer.Option("--mode", metavar="MODE", help=f"Which parts of the pose count: {', '.join(ModeName)}.")
+]
 YawOption = Annotated[
     float | None, typer.Option("--yaw", parser=number, metavar="DEG", help="Heading (default: as it is).")
 ]
@@ -130,8 +148,11 @@ def register(app: typer.Typer) -> None:
         "flightd goto 10 0 -5 --yaw 90 --hold 3",
         "flightd goto 5 0 0 --frame body_frd --max-speed 1",
         "flightd goto 47.3977 8.5456 500 --frame global",
+        exits=GOAL_EXITS,
     )
-    path_examples = examples("flightd path 0 0 -5  10 0 -5  10 10 -5", "flightd path 0 0 -5  10 5 -8 --through fly_by")
+    path_examples = examples(
+        "flightd path 0 0 -5  10 0 -5  10 10 -5", "flightd path 0 0 -5  10 5 -8 --through fly_by", exits=GOAL_EXITS
+    )
     app.command(cls=NumbersCommand, epilog=goto_examples)(goto)
     app.command(cls=NumbersCommand, epilog=path_examples)(path)
-    app.command(epilog=examples("flightd cancel"))(cancel)
+    app.command(cls=PlainCommand, epilog=examples("flightd cancel", exits=ANSWER_EXITS))(cancel)

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Column, Table
 
 from daemon import config, parameters
-from daemon.cli.common import Exit, JsonOption, fail, say, say_json
+from daemon.cli.common import Exit, JsonOption, PlainCommand, fail, say, say_json
 from daemon.cli.report import RECORDS
 from daemon.config import ConfigError
 from daemon.pipeline import Parameters
@@ -24,7 +24,9 @@ EPILOG = "Exit codes: 0 identical (or compared with --config), 1 different, 2 ca
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
-    app.command(name="replay", short_help="Fly a record through the flow again.", epilog=EPILOG)(replay)
+    app.command(name="replay", cls=PlainCommand, short_help="Fly a record through the flow again.", epilog=EPILOG)(
+        replay
+    )
 
 
 def replay(

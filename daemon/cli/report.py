@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from daemon.cli.common import Exit, JsonOption, fail, say, say_json
+from daemon.cli.common import Exit, JsonOption, PlainCommand, fail, say, say_json
 from daemon.recording.codec import RecordError
 from daemon.recording.files import in_order
 
@@ -16,6 +16,7 @@ def register(app: typer.Typer) -> None:
     """Add the command."""
     app.command(
         name="report",
+        cls=PlainCommand,
         short_help="Write a page about a flight.",
         epilog="Example:\n\nflightd report flight-records/20261122T101500Z-part1.mcap",
     )(report)

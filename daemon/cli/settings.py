@@ -5,8 +5,19 @@ from typing import Annotated
 
 import typer
 
+from daemon.cli.common import (
+    ANSWER_EXITS,
+    JsonOption,
+    NumbersCommand,
+    PlainCommand,
+    SocketOption,
+    ask,
+    examples,
+    run,
+    say,
+    say_json,
+)
 from daemon.cli.common import MINUS as HIDDEN_MINUS
-from daemon.cli.common import JsonOption, NumbersCommand, SocketOption, ask, examples, run, say, say_json
 from daemon.goals.results import Setting, SettingValue
 
 PathArgument = Annotated[str, typer.Argument(metavar="PATH", help="Dotted path, such as guidance.limits.speed_m_s.")]
@@ -57,8 +68,10 @@ def _bound(value: float | None) -> str:
 def register(app: typer.Typer) -> None:
     """Add the commands."""
     settings = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Read and change settings.")
-    settings.command(epilog=examples("flightd config get guidance.limits.speed_m_s"))(get)
-    set_examples = examples("flightd config set guidance.limits.speed_m_s 3")
+    settings.command(
+        cls=PlainCommand, epilog=examples("flightd config get guidance.limits.speed_m_s", exits=ANSWER_EXITS)
+    )(get)
+    set_examples = examples("flightd config set guidance.limits.speed_m_s 3", exits=ANSWER_EXITS)
     settings.command("set", short_help="Change a setting until the restart.", cls=NumbersCommand, epilog=set_examples)(
         change
     )

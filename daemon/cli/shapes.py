@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from daemon.cli.common import JsonOption, NumbersCommand, SocketOption, examples, number
+from daemon.cli.common import GOAL_EXITS, JsonOption, NumbersCommand, SocketOption, examples, number
 from daemon.cli.flying import fly
 from daemon.cli.goals import Down, East, FrameName, FrameOption, North, TimeoutOption
 from daemon.goals.client import FlightClient
@@ -98,8 +98,10 @@ def _fly(shape: dict[str, Any], timeout_s: float | None, socket: Path | None, as
 def register(app: typer.Typer) -> None:
     """Add the commands."""
     shapes = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Fly a shape.")
-    shapes.command(cls=NumbersCommand, epilog=examples("flightd fly circle 0 0 -5 --radius 3 --speed 2"))(circle)
-    eight = examples("flightd fly lemniscate 0 0 -5 --length 8 --width 4 --turns 2")
+    shapes.command(
+        cls=NumbersCommand, epilog=examples("flightd fly circle 0 0 -5 --radius 3 --speed 2", exits=GOAL_EXITS)
+    )(circle)
+    eight = examples("flightd fly lemniscate 0 0 -5 --length 8 --width 4 --turns 2", exits=GOAL_EXITS)
     shapes.command(cls=NumbersCommand, epilog=eight)(lemniscate)
-    shapes.command("hold", cls=NumbersCommand, epilog=examples("flightd fly hold 10"))(stay)
+    shapes.command("hold", cls=NumbersCommand, epilog=examples("flightd fly hold 10", exits=GOAL_EXITS))(stay)
     app.add_typer(shapes, name="fly")

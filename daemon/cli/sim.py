@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from daemon.cli.common import Exit, examples, fail, say, say_json
+from daemon.cli.common import Exit, PlainCommand, examples, fail, say, say_json
 
 if TYPE_CHECKING:
     from daemon.sim.mavlink_server import MavlinkServer
@@ -33,6 +33,7 @@ def register(app: typer.Typer) -> None:
         "flightd sim --fault 'gps_loss at_s=30 duration_s=10' --fault 'wind north_m_s=5 turbulence_m_s=1'",
         "flightd sim --scenario bad_day.yaml",
         "flightd sim fault gps_loss duration_s=10",
+        exits="0 stopped, 2 refused",
     )
 )
 def sim(
@@ -113,6 +114,7 @@ def control_path(port: int) -> Path:
 
 @sim_app.command(
     name="fault",
+    cls=PlainCommand,
     short_help="Make something fail now.",
     epilog=examples(
         "flightd sim fault list",
@@ -120,6 +122,7 @@ def control_path(port: int) -> Path:
         "flightd sim fault link direction=down loss=0.2 jitter_s=0.05 --vehicle 2",
         "flightd sim fault clear fault=gps_loss",
         "flightd sim fault clear",
+        exits="0 done, 2 refused, 5 no simulator",
     ),
 )
 def run_time_fault(

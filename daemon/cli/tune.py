@@ -29,6 +29,7 @@ def register(app: typer.Typer) -> None:
         epilog=examples(
             "flightd tune --simulate --airframe x500",
             "flightd tune --connection udpin://0.0.0.0:14540 --airframe mine --out tuned",
+            exits="0 measured, 1 stopped in flight, 2 refused, or the data is too poor, 130 interrupted",
         ),
     )(tune)
 

@@ -7,6 +7,8 @@ from typing import Annotated
 import typer
 
 from daemon.cli.common import (
+    ANSWER_EXITS,
+    REQUEST_EXITS,
     UNCONNECTED,
     UNENGAGED,
     JsonOption,
@@ -113,13 +115,15 @@ def return_(as_json: JsonOption = False, socket: SocketOption = None) -> None:
 
 def register(app: typer.Typer) -> None:
     """Add the commands."""
-    app.command(epilog=examples("flightd status", "flightd status --json"))(status)
-    app.command(epilog=examples("flightd arm"))(arm)
-    app.command(epilog=examples("flightd disarm"))(disarm)
-    app.command(cls=NumbersCommand, short_help="Take off and hold in the air.", epilog=examples("flightd takeoff 5"))(
-        takeoff
-    )
-    app.command(epilog=examples("flightd engage"))(engage)
-    app.command(short_help="Release the vehicle to Hold.", epilog=examples("flightd hold"))(hold)
-    app.command(epilog=examples("flightd land"))(land)
-    app.command("return", epilog=examples("flightd return"))(return_)
+    app.command(epilog=examples("flightd status", "flightd status --json", exits=ANSWER_EXITS))(status)
+    app.command(epilog=examples("flightd arm", exits=REQUEST_EXITS))(arm)
+    app.command(epilog=examples("flightd disarm", exits=REQUEST_EXITS))(disarm)
+    app.command(
+        cls=NumbersCommand,
+        short_help="Take off and hold in the air.",
+        epilog=examples("flightd takeoff 5", exits=REQUEST_EXITS),
+    )(takeoff)
+    app.command(epilog=examples("flightd engage", exits=REQUEST_EXITS))(engage)
+    app.command(short_help="Release the vehicle to Hold.", epilog=examples("flightd hold", exits=REQUEST_EXITS))(hold)
+    app.command(epilog=examples("flightd land", exits=REQUEST_EXITS))(land)
+    app.command("return", epilog=examples("flightd return", exits=REQUEST_EXITS))(return_)

@@ -38,6 +38,7 @@ TOPICS = ("state", "reference", "goal", "health", "loops", "events")
 RATE_HZ = 5.0
 RECENT = 8
 RECONNECT_S = 60.0
+WATCH_EXITS = "0 after Ctrl-C, 5 no daemon, 6 not permitted, 130 nobody reads the output"
 
 
 @dataclass(slots=True)
@@ -171,5 +172,6 @@ def watch(as_json: JsonOption = False, socket: SocketOption = None) -> None:
 def register(app: typer.Typer) -> None:
     """Add the command."""
     app.command(
-        short_help="Watch it live, until Ctrl-C.", epilog=examples("flightd watch", "flightd watch --json | jq .topic")
+        short_help="Watch it live, until Ctrl-C.",
+        epilog=examples("flightd watch", "flightd watch --json | jq .topic", exits=WATCH_EXITS),
     )(watch)

@@ -99,10 +99,10 @@ def messages(file: Path) -> Iterator[Part]:
         return
     except OSError as error:
         raise RecordError(f"{file}: {error.strerror}") from None
-    except (McapError, ZstdError, KeyError, UnicodeDecodeError) as error:
+    except (McapError, ZstdError, KeyError, UnicodeDecodeError):
         if channels:  # what power loss leaves of the last blocks need not be a record
             return
-        raise RecordError(f"{file}: not a flight record ({error})") from None
+        raise RecordError(f"{file}: is not a flight record") from None
 
 
 @dataclass(slots=True)

@@ -8,8 +8,9 @@ import pytest
 from fake_flight import serving_in_thread
 from typer.testing import CliRunner
 
-from daemon.cli import doctor
+from daemon.cli import demo, demo_flight, doctor
 from daemon.cli.commands import COMMANDS, build
+from daemon.cli.common import ANSWER_EXITS, GOAL_EXITS, REQUEST_EXITS
 from daemon.cli.settings import parse_value
 from daemon.cli.watch import Picture, rows
 from daemon.goals.client import Telemetry
@@ -215,3 +216,54 @@ main()
     assert f"needs {packages[arguments[0]]}" in done.stderr
     assert "pip install" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("command", "codes"),
+    [
+        (["goto"], GOAL_EXITS),
+        (["takeoff"], REQUEST_EXITS),
+        (["status"], ANSWER_EXITS),
+        (["doctor"], "0 nothing is bad, 1 something is bad"),
+        (["run"], "0 stopped, 1 failed, 2 the configuration is bad, 3 another daemon has the socket or the connection"),
+        (["protocol"], None),
+    ],
+)
+def test_a_help_page_lists_the_exit_codes_that_its_command_has(command, codes):
+    said = " ".join(CliRunner().invoke(build(command[0]), [*command, "--help"]).output.split())
+    assert (f"Exit codes: {codes}." in said) if codes else ("Exit codes" not in said)
+
+
+@pytest.mark.parametrize(
+    ("command", "usage"),
+    [
+        (["goto"], "goto [OPTIONS] N E D\n"),
+        (["path"], "path [OPTIONS] N E D...\n"),
+        (["check-config"], "check-config [OPTIONS] [FILE...]\n"),
+        (["config", "get"], "config get [OPTIONS] PATH\n"),
+        (["replay"], "replay [OPTIONS] FLIGHT.mcap...\n"),
+    ],
+)
+def test_a_usage_line_shows_arguments_as_people_type_them(command, usage):
+    assert usage in CliRunner().invoke(build(command[0]), [*command, "--help"]).output
+
+
+def test_the_commands_of_bench_are_told_whole():
+    assert "..." not in CliRunner().invoke(build("bench"), ["bench", "--help"]).output.partition("Commands")[2]
+
+
+def test_what_is_refused_is_shown_as_it_was_typed(flightd):
+    said = flightd("goto", 1, 0, -5, "--frame", "-5").err
+    assert "'-5' is not one of" in said and "\N{MINUS SIGN}" not in said
+
+
+def test_replay_of_something_else_says_so(flightd, tmp_path):
+    file = tmp_path / "notes.mcap"
+    file.write_text("these are notes\n")
+    done = flightd("replay", file)
+    assert (done.returncode, done.err) == (2, f"{file}: is not a flight record\n")
+
+
+def test_the_demo_shows_no_error_of_a_goal_that_was_left_on_the_way(capsys):
+    demo._show([demo_flight.Row("goal", "preempted", "preempted", 1.0, 6.87, 12.0, 0.1, 10.0)])
+    assert "6.87" not in capsys.readouterr().out

@@ -248,7 +248,7 @@ def test_what_a_tick_tells_becomes_events(tmp_path: Path, fly: Callable[..., Non
 def test_a_file_that_is_no_record_is_refused_in_words(tmp_path: Path) -> None:
     file = tmp_path / "x.mcap"
     file.write_text("hello, this is not a record at all")
-    with pytest.raises(RecordError, match="not a flight record"):
+    with pytest.raises(RecordError, match="is not a flight record"):
         flight.load([file])
     with pytest.raises(RecordError, match="No such file"):
         flight.load([tmp_path / "none.mcap"])
