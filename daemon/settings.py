@@ -288,6 +288,9 @@ class Config(Section):
 
     @model_validator(mode="after")
     def _within_safety(self) -> "Config":
+        """`safety.speed_max_m_s` is a fifth above what `guidance.limits` allow, sideways and vertically together, and
+        `safety.tilt_max_deg` 10 deg above `control.tilt_max_deg`.
+        """
         limits, safety = self.guidance.limits, self.safety
         speed_m_s = hypot(limits.speed_m_s, max(limits.climb_m_s, limits.descent_m_s))
         if _SPEED_MARGIN * speed_m_s > safety.speed_max_m_s:

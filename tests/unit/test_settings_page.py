@@ -12,7 +12,7 @@ def test_the_page_is_current() -> None:
 
 def test_each_key_is_told_with_its_range_and_meaning() -> None:
     told = page()
-    assert "| `lost_s` | `0.5` | 0.2 to 5 s |  | silence after which the autopilot counts as disconnected |" in told
+    assert "| `lost_s` | `1.5` | 1.4 to 5 s |  | silence after which the autopilot counts as disconnected; " in told
     assert "| `rate_feed_forward` | `true` | true, false |  |" in told
     assert f"| `tilt_max_deg` | `35.0` | {describe('control.tilt_max_deg')['min']:g} to 80 deg | yes |" in told
     assert {path for path in meanings() if path.startswith("control.")} == {
