@@ -131,7 +131,7 @@ def _requests(
     asked = _awaited(supervision, status, now_s, timing)
     confirmed = asked is not None and status.mode is asked
     flying = confirmed and in_flight(status)
-    fallback = supervision.state is State.READY and supervision.landing_asked
+    fallback = supervision.state is not State.RELEASING and supervision.landing_asked
     asking_s = 2.0 * timing.confirm_s
     stale = supervision.state is State.RELEASING and status.mode is FlightMode.HOLD and now_s < supervision.settled_s
     return {

@@ -52,7 +52,7 @@ def test_a_vehicle_that_cannot_stop_its_descent_in_time_does_not_drift_away_mean
         await flight.result(goal_id)
         await asyncio.sleep(10.0)
         assert max(north for north, _, _ in flight.truths) < 12.0
-        assert flight.position == pytest.approx((10.0, 0.0, -15.0), abs=0.1)
+        assert flight.position[2] < -13.0, "it is kept in the air, by the autopilot's Hold when it sinks too far"
 
     fly(scenario, airframe="x500", config=x500())
 

@@ -316,8 +316,9 @@ def test_a_fence_that_is_left_after_that_is_answered_by_land() -> None:
     rig.set(state=vehicle_at((0.0, 0.0, -126.0))).tick(40)
     rig.status(IN_HOLD)
     assert rig.tick(350) is State.READY
-    rig.set(state=vehicle_at((0.0, 0.0, -131.0))).tick(10)
-    assert rig.asked[-1][1] is FlightMode.LAND
+    asked = len(rig.asked)
+    rig.set(state=replace(vehicle_at((0.0, 0.0, -132.0)), velocity_ned_m_s=(0.0, 0.0, -1.0))).tick(220)
+    assert rig.asked[asked][1] is FlightMode.LAND
     rig.status(IN_LAND)
     assert rig.tick() is State.LANDING
     assert rig.supervision.reason == "geofence"

@@ -165,7 +165,7 @@ def test_silence_is_a_lost_link_and_comes_back() -> None:
         autopilot = InProcessAutopilot(px4)
         task = await connected(autopilot)
         px4.silent = True
-        await asyncio.sleep(0.6)
+        await asyncio.sleep(1.6)
         assert not autopilot.status.value.connected
         assert not autopilot.send_setpoint(Setpoint((0.0, 0.0, 0.0), 0.5))
         assert px4.time_us > 1_600_000
