@@ -165,9 +165,9 @@ class ModeRefusal:
 class AutopilotStatus:
     """What the autopilot says of itself, newest of each message; ``heartbeat_s`` is the last HEARTBEAT's arrival.
 
-    ``mode`` is the newest of CURRENT_MODE, HEARTBEAT and EVENT; ``heard``: messages flow, and it was told since they
-    do. ``boot_count`` steps when the autopilot rebooted. ``battery_charge`` is that of the worst battery,
-    ``battery_id``.
+    ``mode`` is the newest of CURRENT_MODE, HEARTBEAT and EVENT; ``heard``: messages of now flow, and it was told since
+    they do; without it the mode may be of the past. ``boot_count`` steps when the autopilot rebooted.
+    ``battery_charge`` is that of the worst battery, ``battery_id``.
     """
 
     connected: bool = False

@@ -59,6 +59,9 @@ class Px4Session:
 
     ``connected`` needs messages that keep coming and a HEARTBEAT of PX4 since they do, so that mode and armed state
     are never older than the connection. ``malformed`` counts messages that could not be read, by name.
+
+    What comes after a silence may have waited, in a radio or, when we stood still, in our own socket: it tells of the
+    past, until TIMESYNC answers a request that was sent since. An autopilot that never answered one is believed.
     """
 
     def __init__(self, params: SessionParams | None = None) -> None:
@@ -72,6 +75,7 @@ class Px4Session:
         self.malformed: dict[str, int] = {}
         self._events: deque[str] = deque(maxlen=_EVENTS_KEPT)
         self._last_arrival_s = -inf
+        self._silence_ended_s = -inf
         self._mode_asked_s = -inf
         self._flowing = False
         self._order = SampleOrder()
@@ -134,7 +138,7 @@ class Px4Session:
         order = self._order.judge(name, sample.stamp_us, now_s)
         if order is not Order.NEWER:
             return order is Order.OVERTAKEN
-        self._last_arrival_s = now_s
+        self._end_silence(now_s)
         self.monitor.count(name)
         if isinstance(sample, Odometry):
             self.odometry.set(sample)
@@ -165,14 +169,14 @@ class Px4Session:
         self._outgoing += self._param_reads.poll(now_s)
 
     def _listen(self, now_s: float) -> None:
-        """Notice a silence, and ask for the mode as soon as it ends: by itself it would be told within 0.5 s."""
+        """Notice a silence; as it ends ask for the mode, told within 0.5 s by itself, and for what proves it of now."""
         quiet = now_s - self._last_arrival_s > _QUIET_S
         heard = self.status.value.heard
-        if quiet and heard:
+        if heard and (quiet or not self._of_now):
             self._update(heard=False)
         elif not (quiet or heard) and now_s - self._mode_asked_s >= _ASK_MODE_AGAIN_S:
             self._mode_asked_s = now_s
-            self._outgoing.append(request_message(CURRENT_MODE_ID))
+            self._outgoing += [self._time_sync.ask(now_s), request_message(CURRENT_MODE_ID)]
 
     # ---- out
 
@@ -228,15 +232,30 @@ class Px4Session:
         self.status.set(replace(self.status.value, **changes))  # type: ignore[arg-type]
 
     def _on_status(self, after: status_messages.After, fields: Fields, now_s: float) -> None:
-        self.status.set(after(self.status.value, fields, now_s))
+        before = self.status.value
+        told = after(before, fields, now_s)
+        if not self._of_now:
+            told = replace(told, heard=False, connected=before.connected)
+        self.status.set(told)
 
     def _count_malformed(self, name: str) -> None:
         self.malformed[name] = self.malformed.get(name, 0) + 1
 
     def _note_arrival(self, now_s: float) -> None:
-        self._last_arrival_s = now_s
+        self._end_silence(now_s)
         if not self._flowing:
             self._begin_flow(now_s)
+
+    def _end_silence(self, now_s: float) -> None:
+        if now_s - self._last_arrival_s > _QUIET_S and self._last_arrival_s > -inf:
+            self._silence_ended_s = now_s
+        self._last_arrival_s = now_s
+
+    @property
+    def _of_now(self) -> bool:
+        """What comes has not waited since before the last silence ended."""
+        answered_s = self._time_sync.answered_s
+        return answered_s == -inf or answered_s >= self._silence_ended_s
 
     def _begin_flow(self, now_s: float) -> None:
         self._flowing = True
@@ -281,7 +300,7 @@ class Px4Session:
         if event.text is not None and not event.check_states:
             self._events.append(event.text)
         if event.mode is not None:
-            self._update(mode=event.mode, heard=True, intended_mode=event.intended_mode)
+            self._update(mode=event.mode, heard=self._of_now, intended_mode=event.intended_mode)
         if event.disarmed:
             self._update(armed=False)
         if event.refusal and self._refused is not None and now_s - self._refused[2] <= _REASON_UPDATE_S:

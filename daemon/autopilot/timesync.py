@@ -31,10 +31,14 @@ class Exchange:
 
 
 class TimeSync:
-    """``receive`` takes TIMESYNC, ``poll`` gives requests; ``sync`` is what is known, None: nothing."""
+    """``receive`` takes TIMESYNC, ``poll`` gives requests; ``sync`` is what is known, None: nothing.
+
+    ``answered_s``: when the newest request that was answered was sent; what comes after its answer is younger.
+    """
 
     def __init__(self) -> None:
         self.sync: ClockSync | None = None
+        self.answered_s = -inf
         self._asked: deque[int] = deque(maxlen=16)
         self._asked_s = -inf
         self._window: deque[Exchange] = deque()
@@ -48,11 +52,13 @@ class TimeSync:
         """The request that is due, if one is. What was known is dropped when answers have stopped."""
         if self._window and now_s - self._window[-1].arrival_s > STALE_S:
             self.restart()
-        if now_s - self._asked_s < REQUEST_S:
-            return []
+        return [self.ask(now_s)] if now_s - self._asked_s >= REQUEST_S else []
+
+    def ask(self, now_s: float) -> Message:
+        """A request, due or not."""
         self._asked_s = now_s
         self._asked.append(_nanoseconds(now_s))
-        return [("TIMESYNC", {"tc1": 0, "ts1": self._asked[-1]})]
+        return ("TIMESYNC", {"tc1": 0, "ts1": self._asked[-1]})
 
     def receive(self, fields: Fields, arrival_s: float) -> list[Message]:
         """An answer to us is taken; a request is answered. Raises KeyError, TypeError, ValueError when malformed."""
@@ -62,6 +68,7 @@ class TimeSync:
         if ours_ns in self._asked:  # not an answer to another, nor a second one
             self._asked.remove(ours_ns)
             sent_s = ours_ns * 1e-9
+            self.answered_s = max(self.answered_s, sent_s)
             offset = 0.5 * (sent_s + arrival_s) - remote_ns * 1e-9
             self._take(Exchange(remote_ns // 1000, offset, arrival_s - sent_s, arrival_s))
         return []

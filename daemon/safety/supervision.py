@@ -286,12 +286,13 @@ def _drifts_on(supervision: Supervision, conditions: Conditions, bounds: Bounds,
 
 
 def _stalled_and_still_offboard(supervision: Supervision, status: AutopilotStatus, timing: Timing) -> bool:
-    """The dead-man's Hold was lost; only a heartbeat of now tells who has the vehicle."""
+    """The dead-man's Hold was lost; only a heartbeat of now tells who has the vehicle, not one that waited for us."""
     return (
         supervision.state is State.FAULT
         and supervision.reason == "control_stalled"
         and supervision.asks == 0
         and status.mode is FlightMode.OFFBOARD
+        and status.heard
         and status.heartbeat_s > supervision.since_s + timing.confirm_s
     )
 

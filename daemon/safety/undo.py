@@ -63,6 +63,8 @@ def step(
         return over(status.mode, now_s + undo_s if returns else undo.until_s), ()
     if undo.asks == 0 and undo.away and now_s > undo.until_s:
         return NOTHING, ()
+    if not status.heard:  # it may be of the past, and a pilot has the vehicle by now
+        return replace(undo, until_s=max(undo.until_s, now_s + retry_s)) if undo.away else undo, ()
     if not undo.away or undo.asks >= UNDO_ASKS or now_s - undo.asked_s < retry_s:
         return undo, ()
     refusal = status.mode_refusal

@@ -68,6 +68,9 @@ def test_a_stalled_task_asks_for_hold_once_more_when_a_heartbeat_of_now_still_sh
     rig.status(IN_OFFBOARD, heartbeat_s=rig.supervision.since_s + 0.29)
     rig.tick(100)
     assert rig.asked == [], "it may have waited in a buffer"
+    rig.status(IN_OFFBOARD, heartbeat_s=rig.now_s, heard=False)
+    rig.tick(100)
+    assert rig.asked == [], "nothing shows yet that it did not wait while we stood still"
     rig.status(IN_OFFBOARD, heartbeat_s=rig.now_s)
     rig.tick(100)
     assert [mode for _, mode in rig.asked] == [FlightMode.HOLD]

@@ -43,6 +43,22 @@ def test_an_autopilot_that_goes_back_to_offboard_by_itself_is_sent_back_at_once(
     assert rig.drive is Drive.SILENT
 
 
+def test_an_offboard_that_may_be_of_the_past_is_answered_once_it_is_known_to_be_of_now() -> None:
+    rig = in_failsafe()
+    rig.status(IN_HOLD, system_status=SystemStatus.CRITICAL).tick(95)
+    rig.status(IN_OFFBOARD, heard=False).tick(20)
+    assert rig.asked == []
+    rig.status(IN_OFFBOARD).tick()
+    assert modes(rig) == [FlightMode.HOLD]
+
+
+def test_an_offboard_of_the_past_is_not_answered_when_another_mode_is_of_now() -> None:
+    rig = in_failsafe()
+    rig.status(IN_OFFBOARD, heard=False).tick(20)
+    rig.status(IN_HOLD, mode=FlightMode.POSITION, intended_mode=FlightMode.POSITION).tick(300)
+    assert rig.asked == []
+
+
 def test_the_answer_is_repeated_thrice_while_offboard_stays_and_then_no_more() -> None:
     rig = in_failsafe()
     rig.status(IN_OFFBOARD)

@@ -1,0 +1,79 @@
+"""What waited for us while we stood still, or in a radio, does not pass for what the autopilot is doing now."""
+
+import pytest
+from support.session_rig import HOLD, OFFBOARD, RETURN, current_mode, heartbeat, odometry
+
+from daemon.autopilot.session import Px4Session
+from daemon.messages import FlightMode
+
+AHEAD_NS = 7_000_000_000
+STOOD_S = 3.0
+
+
+def answered(session: Px4Session, now_s: float) -> None:
+    """The autopilot answers every TIMESYNC request that leaves now."""
+    session.poll(now_s)
+    for name, fields in session.take_outgoing():
+        if name == "TIMESYNC":
+            session.receive(name, {"tc1": fields["ts1"] + AHEAD_NS, "ts1": fields["ts1"]}, now_s + 0.001)
+
+
+@pytest.fixture
+def flying(session: Px4Session) -> Px4Session:
+    """In OFFBOARD, TIMESYNC answered ten times a second until 1.0 s; one request is under way."""
+    for i in range(10):
+        session.receive("HEARTBEAT", heartbeat(OFFBOARD), 0.1 * (i + 1))
+        answered(session, 0.1 * (i + 1))
+    session.poll(1.1)
+    return session
+
+
+@pytest.mark.parametrize("polled_first", [True, False])
+@pytest.mark.parametrize("hot", [True, False])
+def test_after_a_standstill_nothing_is_heard_nor_connected_until_timesync_answers_a_request_made_since(
+    flying: Px4Session, polled_first: bool, hot: bool
+) -> None:
+    under_way = next(fields["ts1"] for name, fields in flying.take_outgoing() if name == "TIMESYNC")
+    if polled_first:
+        flying.poll(STOOD_S)
+        assert not flying.status.value.connected
+    if hot:
+        flying.receive_sample("ODOMETRY", odometry(1_200_000), STOOD_S)
+    flying.receive("HEARTBEAT", heartbeat(OFFBOARD), STOOD_S)
+    flying.receive("CURRENT_MODE", current_mode(OFFBOARD), STOOD_S)
+    flying.receive("TIMESYNC", {"tc1": under_way + AHEAD_NS, "ts1": under_way}, STOOD_S)
+    flying.receive("HEARTBEAT", heartbeat(OFFBOARD), STOOD_S)
+    assert (flying.status.value.heard, flying.status.value.connected) == (False, not polled_first)
+    answered(flying, STOOD_S + 0.01)
+    assert not flying.status.value.heard, "the mode is still of the past"
+    flying.receive("HEARTBEAT", heartbeat(RETURN), STOOD_S + 0.02)
+    status = flying.status.value
+    assert (status.heard, status.connected, status.mode) == (True, True, FlightMode.RETURN)
+
+
+def test_a_gap_that_no_message_waits_through_costs_nothing(flying: Px4Session) -> None:
+    flying.receive("HEARTBEAT", heartbeat(OFFBOARD), 1.19)
+    flying.receive("HEARTBEAT", heartbeat(HOLD), 1.38)
+    assert flying.status.value.heard
+
+
+def test_an_autopilot_that_never_answered_timesync_is_believed(session: Px4Session) -> None:
+    session.poll(2.0)
+    assert not session.status.value.connected
+    session.receive("HEARTBEAT", heartbeat(RETURN), 3.0)
+    assert (session.status.value.heard, session.status.value.connected) == (True, True)
+
+
+def test_a_link_that_answers_late_but_steadily_is_heard(flying: Px4Session) -> None:
+    """Half a second there and back, as over a mobile network: the requests overlap."""
+    waiting: list[tuple[float, int]] = []
+    for i in range(30):
+        now_s = STOOD_S + 0.1 * i
+        flying.receive("HEARTBEAT", heartbeat(RETURN), now_s)
+        flying.poll(now_s)
+        asked = [fields["ts1"] for name, fields in flying.take_outgoing() if name == "TIMESYNC"]
+        waiting += [(now_s + 0.5, ts1) for ts1 in asked]
+        while waiting and waiting[0][0] <= now_s:
+            ts1 = waiting.pop(0)[1]
+            flying.receive("TIMESYNC", {"tc1": ts1 + AHEAD_NS, "ts1": ts1}, now_s)
+    assert flying.status.value.heard
