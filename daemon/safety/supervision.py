@@ -249,8 +249,8 @@ def _continue(
             return _ask(supervision, FlightMode.OFFBOARD, now_s)
     if _stalled_and_still_offboard(supervision, status, timing):
         return replace(supervision, asks=1), (FlightMode.HOLD,)
-    overtaken = supervision.reason == "land_overtook_hold" and supervision.asks < UNDO_ASKS and not refused
-    if overtaken and now_s - supervision.asked_s >= timing.retry_s:
+    overtaken = supervision.reason == "land_overtook_hold" and supervision.asked_mode is FlightMode.HOLD
+    if overtaken and supervision.asks < UNDO_ASKS and not refused and now_s - supervision.asked_s >= timing.retry_s:
         return _ask(supervision, FlightMode.HOLD, now_s)
     if supervision.state is State.RELEASING:
         return _hand_over(supervision, refused, status.heard, now_s, timing)

@@ -282,6 +282,16 @@ def test_the_lands_of_a_release_that_come_after_hold_are_answered_by_hold() -> N
     assert len(rig.asked) == 1
 
 
+@pytest.mark.parametrize(
+    ("kind", "mode"), [(RequestKind.LAND, FlightMode.LAND), (RequestKind.RETURN, FlightMode.RETURN)]
+)
+def test_that_answer_is_not_repeated_over_what_a_person_asks_for_meanwhile(kind: RequestKind, mode: FlightMode) -> None:
+    rig = _held_after_land_was_asked_for().status(IN_LAND)
+    rig.tick(5)
+    rig.ask(kind).tick(300)
+    assert [mode for _, mode in rig.asked] == [FlightMode.HOLD, mode]
+
+
 def test_that_answer_is_repeated_thrice_and_not_after_a_refusal() -> None:
     rig = _held_after_land_was_asked_for().status(IN_LAND)
     rig.tick(300)
