@@ -16,7 +16,7 @@ from math import inf
 from daemon.messages import AutopilotStatus, FlightMode, RequestKind, VehicleRequest
 from daemon.safety import undo as undoing
 from daemon.safety.conditions import PILOT_MODES, Bounds, Conditions, Facts, Memory, evaluate, in_flight
-from daemon.safety.supervisor import FLYING, OURS, State, next_row
+from daemon.safety.supervisor import AUTOPILOT_FLIES, FLYING, OURS, State, next_row
 from daemon.safety.undo import NOTHING, UNDO_ASKS, Undo
 from daemon.values import value
 
@@ -205,8 +205,9 @@ def _enter(
         asked_s = offboard_s if mode is FlightMode.HOLD else now_s
         settled_s = asked_s + timing.settle_s if before.state is State.ENGAGING else -inf
         return replace(supervision, asked_mode=mode, asked_s=now_s, asks=1, settled_s=settled_s), (mode,)
-    ends = (before.state, state) in ((State.RELEASING, State.READY), (State.READY, State.PILOT))
-    if ends and before.asked_mode in (FlightMode.LAND, FlightMode.RETURN):
+    let_go = before.state is State.RELEASING and state is State.READY
+    crossed = before.state in AUTOPILOT_FLIES and state is State.PILOT
+    if (let_go or crossed) and before.asked_mode in (FlightMode.LAND, FlightMode.RETURN):
         # It may still take effect, over a pilot's mode too that it crossed on its way.
         supervision = replace(supervision, landing_asked=before.landing_asked)
         return replace(supervision, asked_mode=before.asked_mode, asked_s=before.asked_s), ()

@@ -36,7 +36,7 @@ OURS = frozenset({_S.ENGAGING, _S.HOLDING, _S.TRACKING, _S.RELEASING})
 FLYING = frozenset({_S.HOLDING, _S.TRACKING})
 _CONNECTED = frozenset(State) - {_S.DISCONNECTED}
 _WATCHING = frozenset({_S.STANDBY, _S.TAKING_OFF, _S.READY, _S.LANDING, _S.PILOT, _S.FAULT})
-_AUTOPILOT_FLIES = frozenset({_S.TAKING_OFF, _S.READY, _S.LANDING})
+AUTOPILOT_FLIES = frozenset({_S.TAKING_OFF, _S.READY, _S.LANDING})
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +96,8 @@ TABLE: tuple[Row, ...] = (
     Row(_WATCHING - {_S.LANDING}, ("landing_confirmed",), _S.LANDING, "requested"),
     Row(_WATCHING - {_S.TAKING_OFF}, ("takeoff_confirmed",), _S.TAKING_OFF, "requested"),
     # What the autopilot does by itself.
-    Row(_AUTOPILOT_FLIES | {_S.PILOT, _S.FAULT}, ("!armed",), _S.STANDBY, "disarmed"),
-    Row(_AUTOPILOT_FLIES | {_S.PILOT}, ("failsafe", "in_flight"), _S.FAULT, "autopilot_failsafe"),
+    Row(AUTOPILOT_FLIES | {_S.PILOT, _S.FAULT}, ("!armed",), _S.STANDBY, "disarmed"),
+    Row(AUTOPILOT_FLIES | {_S.PILOT}, ("failsafe", "in_flight"), _S.FAULT, "autopilot_failsafe"),
     Row(frozenset({_S.TAKING_OFF}), ("hold", "in_air"), _S.READY, "taken_off"),
     Row(frozenset({_S.TAKING_OFF}), ("!takeoff", "!hold"), _S.PILOT, "pilot_override"),
     Row(frozenset({_S.READY}), ("!hold",), _S.PILOT, "pilot_override"),

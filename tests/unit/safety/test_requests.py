@@ -1,5 +1,7 @@
 """Requests while the autopilot flies or waits, and what is nobody's request."""
 
+from collections.abc import Callable
+
 import pytest
 from support.statuses import IN_HOLD, ON_GROUND
 from support.supervision_rig import TICK_S, Rig, ready
@@ -134,3 +136,32 @@ def test_a_landing_that_takes_effect_over_a_pilots_mode_that_it_crossed_is_told_
     assert rig.tick() is State.LANDING
     assert rig.supervision.reason == "requested"
     assert [m for _, m in rig.asked] == [mode]
+
+
+def _landing() -> Rig:
+    rig = ready().ask(RequestKind.LAND)
+    rig.tick()
+    rig.status(IN_HOLD, mode=FlightMode.LAND, intended_mode=FlightMode.LAND)
+    assert rig.tick() is State.LANDING
+    return rig
+
+
+def _taking_off() -> Rig:
+    rig = Rig()
+    rig.tick()
+    rig.ask(RequestKind.TAKEOFF).status(IN_HOLD, mode=FlightMode.TAKEOFF, intended_mode=FlightMode.TAKEOFF)
+    assert rig.tick(2) is State.TAKING_OFF
+    return rig
+
+
+@pytest.mark.parametrize("begin", [_landing, _taking_off])
+def test_a_return_that_crosses_a_pilots_mode_is_told_as_requested_wherever_it_was_asked_for(
+    begin: Callable[[], Rig],
+) -> None:
+    rig = begin().ask(RequestKind.RETURN)
+    rig.tick(3)
+    rig.status(IN_HOLD, mode=FlightMode.POSITION, intended_mode=FlightMode.POSITION)
+    assert rig.tick(3) is State.PILOT
+    rig.status(IN_HOLD, mode=FlightMode.RETURN, intended_mode=FlightMode.RETURN)
+    assert rig.tick() is State.LANDING
+    assert rig.supervision.reason == "requested"
