@@ -139,6 +139,9 @@ class Commander:
             self.post(RequestKind.HOLD)
             await self._until_mode(turn, FlightMode.HOLD)
         await self._arm(turn)
+        mode = self._autopilot.status.value.mode
+        if mode is not FlightMode.HOLD:  # arming takes up to a second to show
+            raise NotPossibleError(f"take-off ended: somebody else changed the mode to {mode.value}")
         self.post(RequestKind.TAKEOFF)
         await self._command(turn, Command(CommandKind.TAKEOFF, altitude_amsl_m))
         await self._until(turn, lambda: self.state is State.TAKING_OFF, self._timeouts.mode_s, "taking off")

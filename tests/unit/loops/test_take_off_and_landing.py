@@ -55,6 +55,21 @@ def test_a_take_off_goes_to_hold_arms_and_climbs_to_a_height_above_the_ground() 
     assert play(scenario, replace(GROUND, mode=FlightMode.LAND)) == pytest.approx(6.2, abs=0.2)
 
 
+@pytest.mark.parametrize("mode", [FlightMode.POSITION, FlightMode.MANUAL, FlightMode.MISSION, FlightMode.LAND])
+def test_whoever_changes_the_mode_while_the_vehicle_is_armed_keeps_it(mode: FlightMode) -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        def arm() -> None:
+            vehicle.later(0.4, State.STANDBY, mode=mode)
+            vehicle.later(0.8, State.STANDBY, armed=True)
+
+        answers(vehicle, {CommandKind.ARM: arm})
+        with pytest.raises(NotPossibleError, match=f"somebody else changed the mode to {mode.value}"):
+            await vehicle.commander.takeoff(5.0)
+        assert vehicle.asked == [CommandKind.ARM]
+
+    play(scenario)
+
+
 def test_a_take_off_that_ends_elsewhere_says_where() -> None:
     async def scenario(vehicle: Vehicle) -> None:
         def taken() -> None:
