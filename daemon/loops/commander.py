@@ -168,7 +168,9 @@ class Commander:
 
     async def engaged(self, wanted: Callable[[], bool]) -> None:
         """Wait for the end of an engage that was asked for, for whoever still wants it."""
-        await self._wait(wanted, lambda: self.state in OURS, 0.5, "engaging")
+        await self._wait(wanted, lambda: self.read or self.state in OURS, 0.5, "engaging")
+        if self.state not in OURS:  # not taken, or over between two looks
+            self.require_engageable()
         words = ""
 
         def ended() -> bool:

@@ -43,6 +43,7 @@ class Vehicle:
         self.record: Latest[Record | None] = Latest(None)
         self.request: Latest[VehicleRequest | None] = Latest(None)
         self.seen = self.withdrawn = 0
+        self.reads = True
         self.asked: list[CommandKind | RequestKind] = []
         self.altitude_amsl_m: float | None = None
         self.script: Callable[[CommandKind | RequestKind], None] = lambda _asked: None
@@ -82,10 +83,10 @@ class Vehicle:
         self.withdrawn += 1
 
     async def watch(self) -> None:
-        """The supervisor, which takes each request once."""
+        """The supervisor, which takes each request once, as long as it ``reads``."""
         while True:
             request, record = self.request.value, self.record.value
-            if request is not None and record is not None and request.serial != self.seen:
+            if self.reads and request is not None and record is not None and request.serial != self.seen:
                 assert request.serial == self.seen + 1
                 self.seen = request.serial
                 self.record.set(replace(record, supervision=replace(record.supervision, serial=self.seen)))

@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from support.commander_rig import AIR, GROUND, TIMEOUTS, Vehicle, answers, play
@@ -19,7 +20,6 @@ from daemon.safety.supervisor import State
         (Commander.arm, GROUND, State.STANDBY, TIMEOUTS.arm_s, "not armed after 3 s; it may still come"),
         (Commander.disarm, replace(GROUND, armed=True), State.STANDBY, TIMEOUTS.arm_s, "not disarmed after 3 s"),
         (lambda c: c.takeoff(5.0), replace(GROUND, armed=True), State.STANDBY, TIMEOUTS.mode_s, "not taking off"),
-        (Commander.engage, AIR, State.READY, 0.5, "not engaging after 0.5 s"),
         (Commander.engage, AIR, State.ENGAGING, TIMEOUTS.engage_s, "not engaged after 3 s"),
         (
             Commander.hold,
@@ -58,6 +58,36 @@ def test_every_wait_is_bounded(
             await ask(vehicle.commander)
 
     assert play(scenario, status, state) == pytest.approx(limit_s, abs=0.1)
+
+
+def test_an_engage_waits_half_a_second_for_the_supervisor_to_read_it() -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        vehicle.reads = False
+        with pytest.raises(CommandTimeoutError, match=r"not engaging after 0\.5 s"):
+            await vehicle.commander.engage()
+
+    assert play(scenario, AIR, State.READY) == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("after", "words"),
+    [
+        ((State.READY, "released", {}), "engage ended in state ready"),
+        ((State.PILOT, "pilot_override", {"mode": FlightMode.ACRO}), "the mode is acro, not hold"),
+        ((State.DISCONNECTED, "link_lost", {"connected": False}), "no autopilot is connected"),
+    ],
+)
+def test_an_engage_that_is_over_between_two_looks_is_answered_at_once_and_does_not_come_any_more(
+    after: tuple[State, str, dict[str, Any]], words: str
+) -> None:
+    state, reason, status = after
+
+    async def scenario(vehicle: Vehicle) -> None:
+        answers(vehicle, {RequestKind.ENGAGE: lambda: vehicle.set(state, reason, **status)})
+        with pytest.raises((NotPossibleError, CommandRefusedError), match=words):
+            await vehicle.commander.engage()
+
+    assert play(scenario, AIR, State.READY) < 0.1
 
 
 def test_a_newer_request_ends_a_pending_one() -> None:
