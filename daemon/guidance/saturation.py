@@ -18,6 +18,7 @@ from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters
 from daemon.messages import Vec3
 
+_PUSHING = 2.0  # J / omega; an acceleration that takes longer to come and go lets the filter circle about its goal
 _SHORTENINGS = 7  # halvings of the search along the way from braking to the wanted acceleration
 
 
@@ -29,6 +30,7 @@ class Cascade:
     acceleration_gain_1_s: float  # w
     jerk_gain_1_s: float  # c w
     braking_m_s2: float  # deceleration that the approach to the goal is planned with
+    pushing_m_s2: float  # acceleration towards the wanted velocity, at most
     speed_high_m_s: float
     speed_low_m_s: float
     acceleration_m_s2: float
@@ -48,7 +50,8 @@ def cascade(
 ) -> Cascade:
     """Gains for a natural frequency and damping, and bounds for steps of ``dt_s``.
 
-    The approach brakes with 0.7 of the acceleration, or less when the jerk would not let it build up in time.
+    The approach brakes with 0.7 of the acceleration, or less when the jerk would not let it build up in time. For the
+    same reason less than the acceleration may be asked for to come to the wanted velocity.
     """
     c = 2.0 * zeta + 1.0
     ripple = jerk_m_s3 * dt_s * dt_s / 8.0
@@ -57,6 +60,7 @@ def cascade(
         acceleration_gain_1_s=omega_rad_s,
         jerk_gain_1_s=c * omega_rad_s,
         braking_m_s2=min(0.7 * acceleration_m_s2, 0.5 * jerk_m_s3 / omega_rad_s),
+        pushing_m_s2=min(acceleration_m_s2, _PUSHING * jerk_m_s3 / omega_rad_s),
         speed_high_m_s=max(speed_high_m_s - ripple, 0.5 * speed_high_m_s),
         speed_low_m_s=min(speed_low_m_s + ripple, 0.5 * speed_low_m_s),
         acceleration_m_s2=acceleration_m_s2,
@@ -112,8 +116,8 @@ def step_axis(
     speed = approach_speed(abs(to_goal_m), gains.velocity_gain_1_s, gains.braking_m_s2)
     wanted_v = goal_velocity_m_s + (speed if to_goal_m >= 0.0 else -speed)
     wanted_v = clamp(wanted_v, gains.speed_low_m_s, gains.speed_high_m_s)
-    limit = gains.acceleration_m_s2
-    wanted_a = goal_acceleration_m_s2 + gains.acceleration_gain_1_s * (wanted_v - velocity_m_s)
+    limit, push = gains.acceleration_m_s2, gains.pushing_m_s2
+    wanted_a = goal_acceleration_m_s2 + clamp(gains.acceleration_gain_1_s * (wanted_v - velocity_m_s), -push, push)
     wanted_jerk = gains.jerk_gain_1_s * (clamp(wanted_a, -limit, limit) - acceleration_m_s2)
     return keep_axis(gains, velocity_m_s, acceleration_m_s2, wanted_jerk)
 
@@ -162,9 +166,9 @@ def step_plane(
     if distance > 0.0:
         gain = approach_speed(distance, gain, gains.braking_m_s2) / distance
     wx, wy = _shortened(gain * to_goal_x + goal_velocity[0], gain * to_goal_y + goal_velocity[1], gains.speed_high_m_s)
-    wx = goal_acceleration[0] + gains.acceleration_gain_1_s * (wx - vx)
-    wy = goal_acceleration[1] + gains.acceleration_gain_1_s * (wy - vy)
-    wx, wy = _shortened(wx, wy, gains.acceleration_m_s2)
+    omega = gains.acceleration_gain_1_s
+    px, py = _shortened(omega * (wx - vx), omega * (wy - vy), gains.pushing_m_s2)
+    wx, wy = _shortened(goal_acceleration[0] + px, goal_acceleration[1] + py, gains.acceleration_m_s2)
     return keep_plane(gains, vx, vy, ax, ay, gains.jerk_gain_1_s * (wx - ax), gains.jerk_gain_1_s * (wy - ay))
 
 

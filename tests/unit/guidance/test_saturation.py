@@ -98,6 +98,27 @@ def test_time_to_go_counts_the_way_back_of_a_start_that_passes_its_goal_by(veloc
     assert 0.8 * max(on_the_way) < estimate_s < 1.3 * max(on_the_way)
 
 
+@pytest.mark.parametrize(
+    ("omega_rad_s", "zeta", "speed", "acceleration", "jerk", "goal_m"),
+    [
+        (1.0, 1.0, 5.0, 3.0, 0.5, 0.5),
+        (2.0, 1.0, 2.0, 3.0, 0.5, 0.5),
+        (5.0, 2.0, 5.0, 3.0, 1.0, 10.0),
+        (1.94, 0.81, 15.0, 17.0, 1.6, 10.0),
+        (1.0, 1.8, 22.0, 16.0, 0.5, 0.5),
+    ],
+)
+def test_a_moving_start_comes_to_its_goal_however_little_jerk_there_is(
+    omega_rad_s: float, zeta: float, speed: float, acceleration: float, jerk: float, goal_m: float
+) -> None:
+    limits = MotionLimits(speed_m_s=speed, acceleration_m_s2=acceleration, jerk_m_s3=jerk)
+    start = Reference(time_s=0.0, position_ned_m=ZERO3, velocity_ned_m_s=(0.0, 0.95 * speed, 0.0))
+    goal = (goal_m, 0.0, 0.0)
+    flown = FilterPlan(start, goal, 0.0, limits, GuidanceParameters(omega_rad_s=omega_rad_s, zeta=zeta))
+    quickest_s = 2.0 * speed / acceleration + 8.0 * (speed / jerk) ** 0.5  # to stop, and to fly back as far
+    assert dist(flown.sample(8.0 * quickest_s).position_ned_m, goal) < 0.05
+
+
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
 def test_limits_that_are_not_positive_and_finite_are_refused_by_name(value: float) -> None:
     with pytest.raises(ValueError, match="jerk_m_s3"):
