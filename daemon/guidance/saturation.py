@@ -191,6 +191,8 @@ def keep_plane(
     brake_jx, brake_jy = back * ax, back * ay
     allowed_speed, allowed_acceleration = _plane_excess(gains, vx, vy, ax, ay, brake_jx, brake_jy)
     allowed_speed, allowed_acceleration = max(0.0, allowed_speed), max(0.0, allowed_acceleration)
+    if speed_excess <= allowed_speed and acceleration_excess <= allowed_acceleration:
+        return wanted_jx, wanted_jy
     kept, refused = 0.0, 1.0
     for _ in range(_SHORTENINGS):
         share = 0.5 * (kept + refused)

@@ -74,6 +74,15 @@ def test_from_outside_of_the_bounds_an_axis_comes_back_and_never_goes_further(pu
         assert -0.5 <= v <= 1.0
 
 
+def test_a_start_that_is_too_fast_comes_back_with_the_whole_acceleration() -> None:
+    limits = MotionLimits(speed_m_s=2.0, acceleration_m_s2=0.1, jerk_m_s3=2.0)
+    start = Reference(0.0, ZERO3, velocity_ned_m_s=(-4.1, -1.4, 0.0), acceleration_ned_m_s2=(-0.2, 1.6, 0.0))
+    flown = FilterPlan(start, (0.3, 0.4, 0.0), 0.0, limits, GuidanceParameters(omega_rad_s=1.0))
+    for time_s in (4.0, 10.0, 16.0):
+        assert hypot(*flown.sample(time_s).velocity_ned_m_s) > 2.1
+        assert hypot(*flown.sample(time_s).acceleration_ned_m_s2) == pytest.approx(0.1, rel=1e-3)
+
+
 @pytest.mark.parametrize("zeta", [1.0, 1.5])
 def test_a_small_step_is_the_step_response_of_the_linear_filter(zeta: float) -> None:
     omega, c = 2.0, 2.0 * zeta + 1.0
