@@ -8,11 +8,6 @@ import pytest
 from support.processes import FLIGHTD, Child, answers, free_udp_port, running
 
 
-def as_from_a_terminal() -> None:
-    """These tests themselves may run under nohup."""
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)
-
-
 @pytest.mark.parametrize("under_nohup", [False, True])
 async def test_a_terminal_that_goes_away_stops_the_daemon_in_order_unless_it_was_told_not_to(
     tmp_path: Path, under_nohup: bool
@@ -21,9 +16,7 @@ async def test_a_terminal_that_goes_away_stops_the_daemon_in_order_unless_it_was
     path, log_file = tmp_path / "f.sock", tmp_path / "log"
     where = ("run", "--connection", f"udpin://127.0.0.1:{free_udp_port()}", "--socket", str(path))
     with log_file.open("wb") as log:
-        process = await asyncio.create_subprocess_exec(
-            *before, *FLIGHTD, *where, stdout=log, stderr=log, preexec_fn=as_from_a_terminal
-        )
+        process = await asyncio.create_subprocess_exec(*before, *FLIGHTD, *where, stdout=log, stderr=log)
     async with running(Child(process, log_file, path)) as child:
         await answers(child)
         process.send_signal(signal.SIGHUP)
