@@ -27,6 +27,7 @@ from daemon.pipeline import Inputs, PipelineState, Record
 from daemon.recording.recorder import Recorder, RecordingSettings
 
 START_S = 100.0
+PATIENCE_S = 120.0
 Listener = Callable[[PipelineState, Inputs, Record], None]
 
 
@@ -120,6 +121,17 @@ def fly() -> Callable[..., None]:
     return flight
 
 
+def close_fully(made: Recorder) -> None:
+    """However long the machine takes: ``close`` itself leaves the rest to its thread after a while."""
+    made.close()
+    made._thread.join(PATIENCE_S)
+
+
+@pytest.fixture
+def close() -> Callable[[Recorder], None]:
+    return close_fully
+
+
 def recorded(
     directory: Path,
     ticks: int,
@@ -146,7 +158,7 @@ def recorded(
     flight(ticks, tick, armed=armed, every=every)
     if notes:
         notes(made)
-    made.close()
+    close_fully(made)
     assert made.report.dropped == 0
     return sorted(directory.glob("*.mcap"))
 

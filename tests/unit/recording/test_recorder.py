@@ -110,17 +110,17 @@ def test_the_oldest_records_make_room(tmp_path: Path, record: Run) -> None:
 
 
 def test_a_hanging_disk_drops_and_counts_and_never_blocks_the_loop(
-    tmp_path: Path, fly: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, fly: Callable[..., None], close: Callable[[Recorder], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     release = threading.Event()
     slow = writer.RecordWriter.tick
-    monkeypatch.setattr(writer.RecordWriter, "tick", lambda self, step: (release.wait(10.0), slow(self, step))[1])
+    monkeypatch.setattr(writer.RecordWriter, "tick", lambda self, step: (release.wait(120.0), slow(self, step))[1])
     made = Recorder(RecordingSettings(directory=tmp_path, when="always"), {}, clock=lambda: 0.0)
     made.start()
     fly(BACKLOG + 200, made.tick)
     assert made.report.dropped >= 199
     release.set()
-    made.close()
+    close(made)
     (file,) = tmp_path.glob("*.mcap")
     assert len(flight.load([file]).ticks.rows) >= BACKLOG - 1
 
@@ -167,13 +167,15 @@ def test_a_full_disk_is_survived_and_recording_resumes(
     assert made.written > 80
 
 
-def test_a_directory_that_cannot_be_made_costs_the_record_only(tmp_path: Path, fly: Callable[..., None]) -> None:
+def test_a_directory_that_cannot_be_made_costs_the_record_only(
+    tmp_path: Path, fly: Callable[..., None], close: Callable[[Recorder], None]
+) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("")
     made = Recorder(RecordingSettings(directory=blocked / "records", when="always"), {}, clock=lambda: 0.0)
     made.start()
     fly(50, made.tick)
-    made.close()
+    close(made)
     assert made.report.failures >= 1
     assert made.report.written == 0
 
