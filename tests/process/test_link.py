@@ -2,13 +2,13 @@
 
 import asyncio
 import contextlib
-import socket
 from collections.abc import AsyncIterator, Callable
 from typing import Any
 from unittest.mock import Mock
 
 import pytest
 import structlog
+from support.processes import free_udp_port
 
 from daemon.autopilot import mavsdk_link
 from daemon.autopilot.mavsdk_link import LogLevel, MavsdkLink
@@ -108,12 +108,6 @@ async def until(condition: Callable[[], bool]) -> None:
             await asyncio.sleep(0.005)
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 @contextlib.asynccontextmanager
 async def running(link: MavsdkLink) -> AsyncIterator["asyncio.Task[None]"]:
     task = asyncio.ensure_future(link.run())
@@ -129,7 +123,7 @@ async def running(link: MavsdkLink) -> AsyncIterator["asyncio.Task[None]"]:
 
 @contextlib.asynccontextmanager
 async def connected() -> AsyncIterator[tuple[MavsdkLink, UdpPx4]]:
-    port = free_port()
+    port = free_udp_port()
     link, px4 = MavsdkLink(f"udpin://127.0.0.1:{port}"), UdpPx4(port)
     async with running(link):
         await px4.start()
@@ -141,7 +135,7 @@ async def connected() -> AsyncIterator[tuple[MavsdkLink, UdpPx4]]:
 
 
 async def test_it_starts_without_an_autopilot_and_waits() -> None:
-    link = MavsdkLink(f"udpin://127.0.0.1:{free_port()}")
+    link = MavsdkLink(f"udpin://127.0.0.1:{free_udp_port()}")
     async with running(link) as task:
         await asyncio.sleep(0.3)
         assert not task.done()
@@ -299,7 +293,7 @@ async def test_a_mode_can_be_asked_for_when_the_run_has_failed_until_the_link_is
     def fail(_now_s: float) -> None:
         raise ZeroDivisionError
 
-    port = free_port()
+    port = free_udp_port()
     link, px4 = MavsdkLink(f"udpin://127.0.0.1:{port}"), UdpPx4(port)
     run = asyncio.ensure_future(link.run())
     await px4.start()

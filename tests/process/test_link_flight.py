@@ -2,10 +2,10 @@
 
 import asyncio
 import contextlib
-import socket
 from collections.abc import AsyncIterator, Callable
 
 import structlog
+from support.processes import free_udp_port
 
 from daemon.autopilot.mavsdk_link import MavsdkLink
 from daemon.autopilot.port import Command, CommandKind
@@ -39,9 +39,7 @@ async def running(*runs: "asyncio.Task[None]") -> AsyncIterator[None]:
 
 @contextlib.asynccontextmanager
 async def connected(speed: float) -> AsyncIterator[tuple[MavsdkLink, SimulatedPx4]]:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_udp_port()
     px4 = SimulatedPx4(airframe=load("sih"), seed=3, system_id=3)
     link = MavsdkLink(f"udpin://127.0.0.1:{port}", link_timeout_s=5.0)
     server = MavlinkServer([px4], port=port, first_system_id=3, speed=speed)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import pytest
+from support.processes import free_udp_port
 
 from daemon.autopilot.mavsdk_link import MavsdkLink
 from daemon.frames import angle_between, norm, subtract
@@ -59,9 +60,7 @@ async def play(lines: list[Line]) -> tuple[list[Odometry], list[AutopilotStatus]
     codec = MavlinkCodec(lines[0]["sys"])
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.bind(("127.0.0.1", 0))
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind(("127.0.0.1", 0))
-            target = probe.getsockname()
+        target = ("127.0.0.1", free_udp_port())
         link = MavsdkLink(f"udpin://127.0.0.1:{target[1]}", link_timeout_s=PATIENCE_S)
         odometry: Kept[Odometry | None] = Kept(None)
         status: Kept[AutopilotStatus] = Kept(AutopilotStatus())

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import itertools
 import json
 import os
 import signal
@@ -22,10 +23,27 @@ TROUBLED = Path(__file__).parent / "troubled_daemon.py"
 FLIGHTD = (sys.executable, "-m", "daemon.cli.main")
 
 
+_WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+_PORTS, _FIRST_PORT = 600, 20000 + 600 * (_WORKER % 20)
+_numbers = itertools.count(4 * os.getpid(), 4)  # the next three are for further vehicles
+
+
 def free_udp_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
+    """A port of loopback that nobody has; nor gets it from the kernel (those begin at 32768), or in another worker.
+
+    A simulator sends to it before anybody listens: who gets it meanwhile would hear a strange vehicle.
+    """
+    while True:
+        port = _FIRST_PORT + next(_numbers) % _PORTS
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock, contextlib.suppress(OSError):
+            sock.bind(("127.0.0.1", port))
+            return port
+
+
+def events_of(log_file: Path) -> list[dict[str, Any]]:
+    """Its lines that are whole: the daemon may be writing the last one."""
+    whole = log_file.read_text().rpartition("\n")[0]
+    return [json.loads(line) for line in whole.splitlines() if line.startswith("{")]
 
 
 @dataclass
@@ -37,8 +55,7 @@ class Child:
     socket: Path | None = None
 
     def events(self) -> list[dict[str, Any]]:
-        lines = self.log_file.read_text().splitlines()
-        return [json.loads(line) for line in lines if line.startswith("{")]
+        return events_of(self.log_file)
 
     def states(self) -> list[str]:
         return [event["state"] for event in self.events() if event.get("event") == "state"]
