@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 from support.air import HEIGHT_M, PATIENCE_S, Air, air, take
-from support.fault_live import ATTEMPTS
-from support.processes import Child, troubled_daemon
+from support.processes import events_of, troubled_daemon
+from support.standstill import StoodStillError, where_it_runs
 
 from daemon.goals.client import FlightClient
 from daemon.goals.client_errors import RequestError
@@ -56,11 +56,11 @@ async def listens(flight: FlightClient) -> None:
         pass
 
 
-def waits(child: Child) -> list[str]:
-    return [str(event["call"]) for event in child.events() if event.get("event") == "blocking_call"]
+def waits(log_file: Path) -> list[str]:
+    return [str(event["call"]) for event in events_of(log_file) if event.get("event") == "blocking_call"]
 
 
-async def fly_everything(folder: Path) -> Child:
+async def fly_everything(folder: Path) -> None:
     environ = {"STATE_DIRECTORY": str(folder)}
     async with air() as seen, troubled_daemon(folder, seen.connection, environ=environ) as child:
         assert child.socket is not None
@@ -69,23 +69,26 @@ async def fly_everything(folder: Path) -> Child:
             listening = asyncio.ensure_future(listens(flight))
             try:
                 await every_kind(flight, seen)
-            except RequestError:
-                if "control_stalled" not in child.log_file.read_text():
-                    raise
             finally:
                 listening.cancel()
                 await asyncio.gather(listening, return_exceptions=True)
-    return child
+
+
+async def everything_is_flown(folder: Path) -> None:
+    log_file = folder / "flightd.log"
+    try:
+        await fly_everything(folder)
+    except RequestError:
+        if "control_stalled" in log_file.read_text():
+            raise StoodStillError from None
+        raise
+    finally:
+        if found := waits(log_file):
+            pytest.fail(str(found))
 
 
 async def test_nothing_waits_on_the_loop_whatever_is_flown(tmp_path: Path) -> None:
-    for attempt in range(ATTEMPTS):  # a machine that stands still takes the vehicle from us before everything was flown
-        (tmp_path / str(attempt)).mkdir()
-        child = await fly_everything(tmp_path / str(attempt))
-        assert waits(child) == []
-        if "control_stalled" not in child.log_file.read_text():
-            return
-    pytest.fail("the machine stands still too often")
+    await where_it_runs(everything_is_flown, tmp_path)
 
 
 async def test_a_call_that_waits_is_found_in_the_process(tmp_path: Path) -> None:
@@ -95,4 +98,4 @@ async def test_a_call_that_waits_is_found_in_the_process(tmp_path: Path) -> None
             await take(flight, seen)
             child.process.send_signal(signal.SIGUSR1)
             await seen.passes(1.0)
-    assert any("open" in call and "config.py" in call for call in waits(child))
+    assert any("open" in call and "config.py" in call for call in waits(child.log_file))

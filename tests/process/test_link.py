@@ -3,12 +3,14 @@
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Callable
+from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
 
 import pytest
 import structlog
 from support.processes import free_udp_port
+from support.standstill import where_it_runs
 
 from daemon.autopilot import mavsdk_link
 from daemon.autopilot.mavsdk_link import LogLevel, MavsdkLink
@@ -34,6 +36,7 @@ class UdpPx4(asyncio.DatagramProtocol):
         self.events_after_ack: list[dict[str, Any]] = []
         self.received: list[tuple[str, dict[str, Any], int, int]] = []
         self.silent = False
+        self.north_m = 1.5
         self._transport: asyncio.DatagramTransport | None = None
         self._task: asyncio.Task[None] | None = None
 
@@ -68,8 +71,8 @@ class UdpPx4(asyncio.DatagramProtocol):
                                         "system_status": 4, "mavlink_version": 3})  # fmt: skip
                 self.send("EXTENDED_SYS_STATE", {"landed_state": 2})
             self.boot_us += 10_000
-            self.send("ODOMETRY", {"time_usec": self.boot_us, "frame_id": 1, "child_frame_id": 1, "x": 1.5, "y": -2.5,
-                                   "z": -10.0, "q": [0.5, 0.5, 0.5, 0.5], "vx": 3.0, "vy": 4.0, "vz": -1.0,
+            self.send("ODOMETRY", {"time_usec": self.boot_us, "frame_id": 1, "child_frame_id": 1, "x": self.north_m,
+                                   "y": -2.5, "z": -10.0, "q": [0.5, 0.5, 0.5, 0.5], "vx": 3.0, "vy": 4.0, "vz": -1.0,
                                    "rollspeed": 0.125, "pitchspeed": 0.25, "yawspeed": 0.5, "reset_counter": 255,
                                    "pose_covariance": [None] * 21, "velocity_covariance": [0.0] * 21})  # fmt: skip
             tick += 1
@@ -203,15 +206,19 @@ async def test_a_number_that_is_not_finite_does_not_even_reach_mavsdk(monkeypatc
 async def test_what_other_components_of_the_vehicle_say_is_not_the_autopilots() -> None:
     """A gimbal or a companion of the same system may send ODOMETRY and CURRENT_MODE of its own."""
     async with connected() as (link, px4):
-        gimbal = MavlinkCodec(px4.codec.system_id, component_id=154)
-        own = px4.codec
-        px4.codec = gimbal
+
+        def north_m() -> float:
+            assert link.odometry.value is not None and link.odometry.value.position_m[0] != 77.0
+            return link.odometry.value.position_m[0]
+
+        own, px4.codec = px4.codec, MavlinkCodec(px4.codec.system_id, component_id=154)
+        px4.north_m = 77.0
         px4.send("CURRENT_MODE", {"custom_mode": 0x00060000, "intended_custom_mode": 0x00060000})
-        version = link.odometry.version
-        await asyncio.sleep(0.2)  # its ODOMETRY at 100 Hz
-        px4.codec = own
-        assert link.odometry.version - version <= 2  # what was still under way
-        await until(lambda: link.odometry.version > version + 5)
+        for _ in range(40):  # its ODOMETRY at 100 Hz
+            assert north_m() == 1.5
+            await asyncio.sleep(0.005)
+        px4.codec, px4.north_m = own, 2.5
+        await until(lambda: north_m() == 2.5)
         assert link.status.value.mode is FlightMode.HOLD
 
 
@@ -243,13 +250,21 @@ async def test_commands_and_parameters_are_answered() -> None:
     async with connected() as (link, px4):
         await link.command(Command(CommandKind.TAKEOFF, 494.5), PATIENCE_S)
         assert px4.commands(22)[0]["param7"] == 494.5
-        px4.results[400] = [1]
-        px4.events_after_ack = [{"id": 16910493, "arguments": ""}]
-        with pytest.raises(CommandRefusedError, match="temporarily rejected; arming denied"):
-            await link.command(Command(CommandKind.ARM), PATIENCE_S)
         assert await link.read_parameter("MPC_THR_HOVER", PATIENCE_S) == 0.5
         assert await link.read_parameter("COM_RC_OVERRIDE", PATIENCE_S) == 3
         assert await link.read_parameter("NO_SUCH_PARAM", PATIENCE_S) is None
+
+
+async def test_a_refused_command_is_told_with_the_reason_that_comes_right_after(tmp_path: Path) -> None:
+    async def refused(_folder: Path) -> None:
+        async with connected() as (link, px4):
+            px4.results[400] = [1]
+            px4.events_after_ack = [{"id": 16910493, "arguments": ""}]
+            with pytest.raises(CommandRefusedError) as told:
+                await link.command(Command(CommandKind.ARM), PATIENCE_S)
+            assert "temporarily rejected; arming denied" in str(told.value)
+
+    await where_it_runs(refused, tmp_path)
 
 
 async def test_a_rebooted_autopilot_is_asked_again_even_from_another_port() -> None:

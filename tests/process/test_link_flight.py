@@ -3,9 +3,11 @@
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Callable
+from pathlib import Path
 
 import structlog
 from support.processes import free_udp_port
+from support.standstill import where_it_runs
 
 from daemon.autopilot.mavsdk_link import MavsdkLink
 from daemon.autopilot.port import Command, CommandKind
@@ -106,7 +108,7 @@ async def test_offboard_without_setpoints_in_flight_is_refused_with_the_reason()
         assert refusal.reason.startswith("temporarily rejected")
 
 
-async def test_mavsdk_finds_nothing_to_warn_of_in_the_start() -> None:
+async def start_quietly(_folder: Path) -> None:
     with structlog.testing.capture_logs() as lines:
         async with connected(1.0) as (link, _px4):
             start = link.odometry.version
@@ -116,6 +118,10 @@ async def test_mavsdk_finds_nothing_to_warn_of_in_the_start() -> None:
             assert await link.read_parameter("NO_SUCH_PARAM", PATIENCE_S) is None
             assert link.session.monitor.slow == ()
     assert [line for line in lines if line["log_level"] in ("warning", "error")] == []
+
+
+async def test_mavsdk_finds_nothing_to_warn_of_in_the_start(tmp_path: Path) -> None:
+    await where_it_runs(start_quietly, tmp_path)
 
 
 async def test_a_reboot_is_noticed_and_the_streams_come_again() -> None:

@@ -17,9 +17,9 @@ from daemon.messages import FlightMode
 from support.air import HEIGHT_M, PATIENCE_S, Air, LogPipe, Systemd, air, state_of, take
 from support.fault_matrix import WATCHDOG_S, broken_limits, largest_gap_s
 from support.processes import Child, troubled_daemon
+from support.standstill import StoodStillError, where_it_runs
 
 SPEED_M_S = 3.0
-ATTEMPTS = 3
 FLIES_S = 0.3  # a setpoint as new as this: the daemon flies
 
 
@@ -142,16 +142,15 @@ class Scene:
 
 
 async def strike_live(case: LiveCase, folder: Path) -> LiveSeen:
-    """Fly the case in real time and measure.
+    """Fly the case in real time and measure, on a machine that runs."""
 
-    A machine so busy that the daemon stood still is the row of the blocked loop, not this one: then once more.
-    """
-    for attempt in range(ATTEMPTS - 1):
-        (folder / str(attempt)).mkdir()
-        seen = await _strike(case, folder / str(attempt))
-        if "aborted" in case.outcomes or "control_stalled" not in seen.outcome:
-            return seen
-    return await _strike(case, folder)
+    async def strike(own: Path) -> LiveSeen:
+        seen = await _strike(case, own)
+        if not seen.faults and "aborted" not in case.outcomes and "control_stalled" in seen.outcome:
+            raise StoodStillError
+        return seen
+
+    return await where_it_runs(strike, folder, lambda seen: not seen.faults and live_differences(case, seen))
 
 
 async def _strike(case: LiveCase, folder: Path) -> LiveSeen:
