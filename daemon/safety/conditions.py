@@ -204,7 +204,7 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds, **other
         in_flight=in_flight(status),
         landed=status.landed is LandedState.ON_GROUND,
         in_air=status.armed and status.landed is LandedState.IN_AIR,
-        terminated=status.system_status >= SystemStatus.FLIGHT_TERMINATION,
+        terminated=mode is FlightMode.TERMINATION or status.system_status >= SystemStatus.FLIGHT_TERMINATION,
         failsafe=mode is not FlightMode.OFFBOARD and (critical or differs),
         offboard=mode is FlightMode.OFFBOARD,
         hold=hold,

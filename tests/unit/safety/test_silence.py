@@ -1,15 +1,19 @@
 """What takes the vehicle from us, or has it taken: silence within one tick, and who is asked for what then."""
 
+from collections.abc import Callable
+
 import pytest
 from support.statuses import IN_HOLD, IN_OFFBOARD, ON_GROUND
-from support.supervision_rig import Rig, releasing, tracking
+from support.supervision_rig import Rig, engaging, releasing, tracking
 
 from daemon.messages import FlightMode, RequestKind, SystemStatus
 from daemon.safety.supervision import Drive
 from daemon.safety.supervisor import State
 
 
-@pytest.mark.parametrize("mode", [m for m in FlightMode if m not in (FlightMode.OFFBOARD, FlightMode.UNKNOWN)])
+@pytest.mark.parametrize(
+    "mode", sorted(set(FlightMode) - {FlightMode.OFFBOARD, FlightMode.UNKNOWN, FlightMode.TERMINATION}, key=str)
+)
 def test_a_mode_change_not_asked_for_silences_within_one_tick_and_asks_nothing(mode: FlightMode) -> None:
     rig = tracking().status(IN_OFFBOARD, mode=mode, intended_mode=mode)
     assert rig.tick() is State.PILOT
@@ -42,6 +46,22 @@ def test_a_kill_switch_silences_within_one_tick_while_the_autopilot_still_calls_
     assert rig.drive is Drive.SILENT
     rig.tick(100)
     assert rig.asked == []
+
+
+@pytest.mark.parametrize("begin", [engaging, tracking, releasing])
+def test_flight_termination_is_told_as_such_also_by_its_mode_which_shows_first(begin: Callable[[], Rig]) -> None:
+    """As measured: the mode shows at once, MAV_STATE_FLIGHT_TERMINATION with the next HEARTBEAT."""
+    rig = begin().status(IN_OFFBOARD, mode=FlightMode.TERMINATION, intended_mode=FlightMode.TERMINATION)
+    assert rig.tick() is State.FAULT
+    assert rig.supervision.reason == "terminated"
+    rig.status(
+        IN_OFFBOARD,
+        mode=FlightMode.TERMINATION,
+        intended_mode=FlightMode.TERMINATION,
+        system_status=SystemStatus.FLIGHT_TERMINATION,
+    )
+    assert rig.tick(300) is State.FAULT
+    assert (rig.supervision.reason, rig.drive) == ("terminated", Drive.SILENT)
 
 
 def test_disarming_silences_within_one_tick() -> None:
