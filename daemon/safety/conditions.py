@@ -93,7 +93,10 @@ class Facts:
 
 @value(eq=True)
 class Conditions:
-    """The facts as the table names them; those about requests are filled in by the supervision."""
+    """The facts as the table names them; those about requests are filled in by the supervision.
+
+    ``overruled``: a failsafe that does not bring the vehicle down in the way that was asked of the autopilot.
+    """
 
     link: bool = False
     rebooted: bool = False
@@ -103,6 +106,7 @@ class Conditions:
     in_air: bool = False
     terminated: bool = False
     failsafe: bool = False
+    overruled: bool = False
     offboard: bool = False
     hold: bool = False
     takeoff: bool = False
@@ -195,7 +199,8 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds, **other
     mode = status.mode
     critical = status.system_status >= SystemStatus.CRITICAL
     differs = FlightMode.UNKNOWN is not status.intended_mode is not mode is not FlightMode.UNKNOWN
-    hold = mode is FlightMode.HOLD
+    hold, landing = mode is FlightMode.HOLD, mode in LANDING_MODES
+    failsafe = mode is not FlightMode.OFFBOARD and (critical or differs)
     poor = memory.variance.active or memory.innovation.active
     usable = facts.state is not None and facts.age_s <= bounds.coast_s
     return memory, Conditions(
@@ -205,11 +210,12 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds, **other
         landed=status.landed is LandedState.ON_GROUND,
         in_air=status.armed and status.landed is LandedState.IN_AIR,
         terminated=mode is FlightMode.TERMINATION or status.system_status >= SystemStatus.FLIGHT_TERMINATION,
-        failsafe=mode is not FlightMode.OFFBOARD and (critical or differs),
+        failsafe=failsafe,
+        overruled=failsafe and (differs or not landing),
         offboard=mode is FlightMode.OFFBOARD,
         hold=hold,
         takeoff=mode is FlightMode.TAKEOFF,
-        landing=mode in LANDING_MODES,
+        landing=landing,
         engageable=hold
         and status.armed
         and status.landed is LandedState.IN_AIR

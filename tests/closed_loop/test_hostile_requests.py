@@ -12,7 +12,7 @@ from daemon.goals.methods import ConfigSet, GoalUpdate
 from daemon.loops.commander import NotPossibleError
 from daemon.messages import FlightMode, LandedState
 from daemon.safety.supervisor import OURS, State
-from daemon.sim.faults import Link, ModesRefused, PilotTakesOver
+from daemon.sim.faults import GpsLoss, Link, ModesRefused, PilotTakesOver
 
 PATH = {"waypoints": [{"position": [5, 0, -5]}, {"position": [5, 5, -5]}], "through": "fly_by"}
 
@@ -277,5 +277,21 @@ def test_what_the_reference_is_timed_by_cannot_be_changed_while_it_is_flown() ->
         with pytest.raises(ProtocolError) as error:
             await flight.service.config_set(ConfigSet(path="loops.command_latency_s", value=0.2), CALLER)
         assert error.value.code is ErrorCode.REFUSED
+
+    fly(scenario)
+
+
+def test_a_landing_asked_for_while_a_failsafe_lands_is_answered_when_the_vehicle_is_down() -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne(8.0, engage=False)
+        flight.px4.inject(GpsLoss())
+        await flight.until(lambda: flight.state is State.FAULT)
+        assert flight.px4.mode is FlightMode.LAND
+        states = len(flight.records)
+        await flight.vehicle.commander.land()
+        assert flight.px4.truth.on_ground
+        assert not flight.px4.armed
+        seen = {record.supervision.state for record in flight.records[states:]}
+        assert seen == {State.FAULT, State.LANDING, State.STANDBY}
 
     fly(scenario)

@@ -213,6 +213,26 @@ def test_from_critical_on_the_autopilot_has_a_failsafe_and_termination_ends_all(
     assert conditions.engageable == (status == 4), "MAV_STATE_ACTIVE"
 
 
+@pytest.mark.parametrize(
+    ("mode", "intended", "status", "overruled"),
+    [
+        (FlightMode.LAND, FlightMode.LAND, SystemStatus.CRITICAL, False),
+        (FlightMode.RETURN, FlightMode.RETURN, SystemStatus.CRITICAL, False),
+        (FlightMode.LAND, FlightMode.UNKNOWN, SystemStatus.CRITICAL, False),
+        (FlightMode.LAND, FlightMode.RETURN, SystemStatus.CRITICAL, True),
+        (FlightMode.LAND, FlightMode.HOLD, SystemStatus.ACTIVE, True),
+        (FlightMode.HOLD, FlightMode.HOLD, SystemStatus.CRITICAL, True),
+        (FlightMode.LAND, FlightMode.LAND, SystemStatus.ACTIVE, False),
+        (FlightMode.OFFBOARD, FlightMode.OFFBOARD, SystemStatus.CRITICAL, False),
+    ],
+)
+def test_a_failsafe_overrules_unless_it_brings_the_vehicle_down_in_the_way_that_was_asked_for(
+    mode: FlightMode, intended: FlightMode, status: SystemStatus, overruled: bool
+) -> None:
+    told = replace(IN_HOLD, mode=mode, intended_mode=intended, system_status=status)
+    assert Ticks().run(replace(CALM, status=told)).overruled is overruled
+
+
 def test_an_autopilot_that_flies_another_mode_than_it_was_told_has_a_failsafe() -> None:
     for mode, intended, failsafe in (
         (FlightMode.RETURN, FlightMode.MISSION, True),

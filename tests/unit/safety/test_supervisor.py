@@ -72,9 +72,18 @@ def test_a_vehicle_that_is_not_ours_knows_no_latch_and_ends_disarmed(state: Stat
 
 def test_a_failsafe_of_the_autopilot_counts_in_flight() -> None:
     for state in (State.TAKING_OFF, State.READY, State.LANDING, State.PILOT):
-        assert after(state, failsafe=True) == (State.FAULT, "autopilot_failsafe")
-        assert after(state, failsafe=True, in_flight=False) is None
-    assert after(State.STANDBY, failsafe=True) is None
+        assert after(state, failsafe=True, overruled=True) == (State.FAULT, "autopilot_failsafe")
+        assert after(state, failsafe=True, overruled=True, in_flight=False) is None
+    assert after(State.STANDBY, failsafe=True, overruled=True) is None
+
+
+def test_a_failsafe_that_lands_as_was_asked_for_is_that_landing() -> None:
+    assert after(State.LANDING, failsafe=True) is None
+    for state in (State.READY, State.FAULT, State.PILOT):
+        landing = after(state, landing_confirmed=True, failsafe=True)
+        assert landing == (State.LANDING, "requested")
+        overruled = after(state, landing_confirmed=True, failsafe=True, overruled=True)
+        assert overruled == (None if state is State.FAULT else (State.FAULT, "autopilot_failsafe"))
 
 
 def test_a_fall_back_land_that_comes_after_hold_is_a_landing_for_a_reason_of_its_own() -> None:

@@ -87,4 +87,4 @@ def test_a_row_says_where_it_holds(reason: str, where: str) -> None:
 
 
 def test_a_group_with_one_state_missing_says_which() -> None:
-    assert "| not ours but `landing` | `landing_confirmed` |" in rows()
+    assert "| not ours but `landing` | `landing_confirmed` and not `overruled` |" in rows()
