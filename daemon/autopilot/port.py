@@ -80,6 +80,9 @@ class Autopilot(Protocol):
     def withdraw_commands(self) -> None:
         """From now on no command is sent again; whoever waits for one gets ``CommandTimeoutError``."""
 
+    def stood_still(self) -> None:
+        """We stood still: what is known is of before, until something shows what the autopilot does now."""
+
     async def read_parameter(self, name: str, timeout_s: float) -> float | int | None:
         """One autopilot parameter, or None where the autopilot does not know it.
 

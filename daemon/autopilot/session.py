@@ -175,8 +175,18 @@ class Px4Session:
         if heard and (quiet or not self._of_now):
             self._update(heard=False)
         elif not (quiet or heard) and now_s - self._mode_asked_s >= _ASK_MODE_AGAIN_S:
-            self._mode_asked_s = now_s
-            self._outgoing += [self._time_sync.ask(now_s), request_message(CURRENT_MODE_ID)]
+            self._ask_what_is_now(now_s)
+
+    def stood_still(self, now_s: float) -> None:
+        """What has come, and waits for us, tells of the past. A suspended machine's clock may not have seen it pass."""
+        self._silence_ended_s = now_s
+        self._update(heard=False)
+        if self._flowing:
+            self._ask_what_is_now(now_s)
+
+    def _ask_what_is_now(self, now_s: float) -> None:
+        self._mode_asked_s = now_s
+        self._outgoing += [self._time_sync.ask(now_s), request_message(CURRENT_MODE_ID)]
 
     # ---- out
 
@@ -247,7 +257,8 @@ class Px4Session:
             self._begin_flow(now_s)
 
     def _end_silence(self, now_s: float) -> None:
-        if now_s - self._last_arrival_s > _QUIET_S and self._last_arrival_s > -inf:
+        since_s = max(self._last_arrival_s, self._silence_ended_s)
+        if now_s - since_s > _QUIET_S and self._last_arrival_s > -inf:
             self._silence_ended_s = now_s
         self._last_arrival_s = now_s
 

@@ -45,6 +45,11 @@ class SessionLink:
         """No command is sent again; whoever waits for one gets CommandTimeoutError."""
         self.session.withdraw_commands()
 
+    def stood_still(self) -> None:
+        """What is known of the autopilot is of before, until TIMESYNC answers a request of now."""
+        self.session.stood_still(asyncio.get_running_loop().time())
+        self._flush()
+
     async def read_parameter(self, name: str, timeout_s: float) -> float | int | None:
         """One parameter, or None: not known to the autopilot. CommandTimeoutError, NotConnectedError."""
         loop = asyncio.get_running_loop()

@@ -16,6 +16,7 @@ REQUEST_S = 0.1  # between requests, as often as PX4 asks
 WINDOW_S = 3.0
 LEAST = 4  # exchanges that make a first estimate
 STALE_S = 1.0  # without an answer for so long nothing is known
+_KEPT = 64  # requests whose answers are awaited: there and back in six seconds
 _STEP_MARGIN_S = 0.01  # of a bound that is broken when a clock stepped; a simulator's clock has steps of 4 ms
 _SLOPE_SIGMAS = 4.0  # a drift that stands out of its own error by less is taken as none
 
@@ -39,7 +40,7 @@ class TimeSync:
     def __init__(self) -> None:
         self.sync: ClockSync | None = None
         self.answered_s = -inf
-        self._asked: deque[int] = deque(maxlen=16)
+        self._asked: dict[int, float] = {}
         self._asked_s = -inf
         self._window: deque[Exchange] = deque()
 
@@ -57,17 +58,19 @@ class TimeSync:
     def ask(self, now_s: float) -> Message:
         """A request, due or not."""
         self._asked_s = now_s
-        self._asked.append(_nanoseconds(now_s))
-        return ("TIMESYNC", {"tc1": 0, "ts1": self._asked[-1]})
+        sent_ns = _nanoseconds(now_s)
+        self._asked[sent_ns] = now_s
+        while len(self._asked) > _KEPT:
+            del self._asked[next(iter(self._asked))]
+        return ("TIMESYNC", {"tc1": 0, "ts1": sent_ns})
 
     def receive(self, fields: Fields, arrival_s: float) -> list[Message]:
         """An answer to us is taken; a request is answered. Raises KeyError, TypeError, ValueError when malformed."""
         remote_ns, ours_ns = int(fields["tc1"]), int(fields["ts1"])
         if remote_ns == 0:
             return [("TIMESYNC", {"tc1": _nanoseconds(arrival_s), "ts1": ours_ns})]
-        if ours_ns in self._asked:  # not an answer to another, nor a second one
-            self._asked.remove(ours_ns)
-            sent_s = ours_ns * 1e-9
+        sent_s = self._asked.pop(ours_ns, None)
+        if sent_s is not None:  # not an answer to another, nor a second one
             self.answered_s = max(self.answered_s, sent_s)
             offset = 0.5 * (sent_s + arrival_s) - remote_ns * 1e-9
             self._take(Exchange(remote_ns // 1000, offset, arrival_s - sent_s, arrival_s))

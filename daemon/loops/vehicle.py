@@ -47,6 +47,7 @@ class Vehicle:
         self.request: Latest[VehicleRequest | None] = Latest(None)
         self.record: Latest[Record | None] = Latest(None)
         self.gate = SetpointGate(autopilot, clock, config.safety.clock_gap_s)
+        self.gate.gap_listeners.append(self._stood_still)
         control_grid = Grid(1.0 / config.loops.control_rate_hz, alarm())
         trajectory_grid = Grid(1.0 / config.loops.trajectory_rate_hz, alarm())
         self.trajectory = TrajectoryTask(
@@ -123,6 +124,10 @@ class Vehicle:
             if self.autopilot.status.value.mode is not FlightMode.OFFBOARD:
                 return
             self.autopilot.request_mode(FlightMode.HOLD)
+
+    def _stood_still(self, gap_s: float) -> None:
+        self.autopilot.stood_still()
+        log.warning("stood_still", seconds=round(gap_s, 2))
 
     @property
     def stopping(self) -> bool:

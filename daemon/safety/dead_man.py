@@ -40,7 +40,8 @@ class SetpointGate:
     """The only way out for setpoints; counts ticks of the control task, and can be latched shut.
 
     While the vehicle is ours, a gap of more than ``gap_s`` of ``clock`` between two ticks (SIGCONT, suspend) latches
-    before anything is sent.
+    before anything is sent, and asks for nothing: what is known of the autopilot is of before the gap, and a pilot may
+    have taken it. ``gap_listeners`` are told how long we stood still, whoever has the vehicle.
     """
 
     def __init__(self, sender: Sender, clock: Callable[[], float] = boot_clock, gap_s: float = 0.3) -> None:
@@ -48,11 +49,13 @@ class SetpointGate:
         self._clock = clock
         self._gap_s = gap_s
         self._ticked_s = 0.0
+        self._looked_s: float | None = None
         self._lock = threading.Lock()
         self.latched = False
         self.ticks = 0
         self.ours = False
         self.hover_thrust = 0.5
+        self.gap_listeners: list[Callable[[float], None]] = []
 
     def tick(self, setpoint: Setpoint | None, hover_thrust: float) -> bool:
         """The control task is alive, and sends this (None: nothing, the vehicle is not ours). True when it left."""
@@ -67,9 +70,14 @@ class SetpointGate:
             return self._sender.send_setpoint(setpoint)
 
     def check_gap(self) -> None:
-        """Latch when the last tick is too long ago; called before anything is computed, and again before it is sent."""
-        if self.ours and self._clock() - self._ticked_s > self._gap_s:
-            self.latch()
+        """Notice that we stood still; called before anything is computed, and again before it is sent."""
+        now_s = self._clock()
+        if self.ours and now_s - self._ticked_s > self._gap_s:
+            self.shut()
+        looked_s, self._looked_s = self._looked_s, now_s
+        if looked_s is not None and now_s - looked_s > self._gap_s:
+            for listener in self.gap_listeners:
+                listener(now_s - looked_s)
 
     def level_once(self) -> None:
         """One setpoint of zero rates at hover thrust, unless latched or not ours."""
@@ -77,16 +85,20 @@ class SetpointGate:
             if self.ours and not self.latched:
                 self._sender.send_setpoint(Setpoint(NO_RATES, self.hover_thrust))
 
+    def shut(self) -> bool:
+        """Let nothing out any more. False: it was shut already."""
+        with self._lock:
+            if self.latched:
+                return False
+            self.latched = True
+        return True
+
     def latch(self) -> None:
         """Shut the gate, then command Hold if the vehicle is ours.
 
         After a silence of ``AUTOPILOT_ACTS_S`` nothing is commanded: what has the vehicle by then keeps it.
         """
-        with self._lock:
-            if self.latched:
-                return
-            self.latched = True
-        if self.ours and self._clock() - self._ticked_s <= AUTOPILOT_ACTS_S:
+        if self.shut() and self.ours and self._clock() - self._ticked_s <= AUTOPILOT_ACTS_S:
             self._sender.request_mode(FlightMode.HOLD)
 
     def unlatch(self) -> None:
@@ -101,6 +113,7 @@ class Action(Enum):
     NOTHING = "nothing"
     LEVEL = "level"
     LATCH = "latch"
+    SHUT = "shut"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,7 +128,7 @@ class DeadManTiming:
 
 class Watch:
     """Decides from polls: silence counts only over polls that were themselves on time, so that a stalled machine
-    is not blamed on the loop; a gap of the clock itself latches at once."""
+    is not blamed on the loop; a gap of the clock itself shuts the gate at once."""
 
     def __init__(self, timing: DeadManTiming) -> None:
         self._timing = timing
@@ -132,9 +145,9 @@ class Watch:
             self._ticks = ticks
             self._silent_s = 0.0
             self._levelled = False
-            return Action.LATCH if ours and gap_s > self._timing.clock_gap_s else Action.NOTHING
+            return Action.SHUT if ours and gap_s > self._timing.clock_gap_s else Action.NOTHING
         if gap_s > self._timing.clock_gap_s:
-            return Action.LATCH
+            return Action.SHUT
         if gap_s <= 2.5 * self._timing.poll_s:
             self._silent_s += gap_s
         if self._silent_s >= self._timing.latch_after_s:
@@ -179,6 +192,8 @@ class DeadMan:
             elif action is Action.LATCH and not self._gate.latched:
                 self._gate.latch()
                 self._say("dead_man_latched")
+            elif action is Action.SHUT and self._gate.shut():
+                self._say("dead_man_shut")
 
     def _say(self, event: str) -> None:
         with contextlib.suppress(OSError, ValueError):  # a log that cannot be written must not end this thread

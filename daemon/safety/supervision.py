@@ -198,7 +198,7 @@ def _enter(
         supervision = replace(supervision, left=reason)
     supervision = replace(supervision, state=state, since_s=now_s, reason=reason, asked_mode=None, asked_s=-inf, asks=0)
     supervision = replace(supervision, landing_asked=False, settled_s=-inf, unheard_s=-inf)
-    supervision = replace(supervision, undo=_left_to_undo(before, state, status, now_s, timing))
+    supervision = replace(supervision, undo=_left_to_undo(before, state, reason, status, now_s, timing))
     if state is State.RELEASING:
         mode = _MODE_OF[fresh.kind] if fresh is not None and fresh.kind in _MODE_OF else FlightMode.HOLD
         offboard_s = before.asked_s if before.asked_mode is FlightMode.OFFBOARD else -inf
@@ -228,12 +228,17 @@ def _enter(
     return supervision, ()
 
 
-def _left_to_undo(before: Supervision, state: State, status: AutopilotStatus, now_s: float, timing: Timing) -> Undo:
+def _left_to_undo(
+    before: Supervision, state: State, reason: str, status: AutopilotStatus, now_s: float, timing: Timing
+) -> Undo:
     """What may still come of ours in the new state."""
     if state in OURS or state in (State.STANDBY, State.DISCONNECTED):
         return NOTHING
     if before.lost_while_ours and status.mode is not FlightMode.OFFBOARD:
         return undoing.over(status.mode, now_s)
+    if reason == "control_stalled":
+        # We fly no more: the autopilot that still waits for us gets Hold as soon as it is heard.
+        return undoing.over(status.mode, now_s + timing.undo_s)
     if before.state in OURS:
         return undoing.let_go(status, now_s, undo_s=timing.undo_s)
     return before.undo
@@ -248,8 +253,6 @@ def _continue(
         due = supervision.asks == 0 or (refused and now_s - supervision.asked_s >= timing.retry_s)
         if elapsed >= timing.match_s and due:
             return _ask(supervision, FlightMode.OFFBOARD, now_s)
-    if _stalled_and_still_offboard(supervision, status, timing):
-        return replace(supervision, asks=1), (FlightMode.HOLD,)
     overtaken = supervision.reason == "land_overtook_hold" and supervision.asked_mode is FlightMode.HOLD
     if overtaken and supervision.asks < UNDO_ASKS and not refused and now_s - supervision.asked_s >= timing.retry_s:
         return _ask(supervision, FlightMode.HOLD, now_s)
@@ -283,18 +286,6 @@ def _drifts_on(supervision: Supervision, conditions: Conditions, bounds: Bounds,
         and bounds.fence_beyond is not FlightMode.HOLD
         and supervision.asks < FENCE_ASKS
         and now_s - supervision.asked_s >= timing.request_s
-    )
-
-
-def _stalled_and_still_offboard(supervision: Supervision, status: AutopilotStatus, timing: Timing) -> bool:
-    """The dead-man's Hold was lost; only a heartbeat of now tells who has the vehicle, not one that waited for us."""
-    return (
-        supervision.state is State.FAULT
-        and supervision.reason == "control_stalled"
-        and supervision.asks == 0
-        and status.mode is FlightMode.OFFBOARD
-        and status.heard
-        and status.heartbeat_s > supervision.since_s + timing.confirm_s
     )
 
 

@@ -78,6 +78,10 @@ class PulsedAutopilot:
         """See ``Autopilot``."""
         self._autopilot.withdraw_commands()
 
+    def stood_still(self) -> None:
+        """See ``Autopilot``."""
+        self._autopilot.stood_still()
+
     async def read_parameter(self, name: str, timeout_s: float) -> float | int | None:
         """See ``Autopilot``."""
         return await self._autopilot.read_parameter(name, timeout_s)

@@ -51,6 +51,25 @@ def test_after_a_standstill_nothing_is_heard_nor_connected_until_timesync_answer
     assert (status.heard, status.connected, status.mode) == (True, True, FlightMode.RETURN)
 
 
+@pytest.mark.parametrize("backlog_s", [0.0, 0.005])
+def test_who_is_told_that_it_stood_still_hears_nothing_until_an_answer_to_what_it_asks_at_once(
+    flying: Px4Session, backlog_s: float
+) -> None:
+    """Also where the clock did not see it pass: a machine that was suspended."""
+    now_s = STOOD_S if backlog_s else 1.11
+    flying.take_outgoing()
+    flying.stood_still(now_s)
+    asked = [fields["ts1"] for name, fields in flying.take_outgoing() if name == "TIMESYNC"]
+    for _ in range(3):
+        flying.receive_sample("ODOMETRY", odometry(1_200_000), now_s + backlog_s)
+        flying.receive("CURRENT_MODE", current_mode(OFFBOARD), now_s + backlog_s)
+        assert not flying.status.value.heard
+    flying.receive("TIMESYNC", {"tc1": asked[-1] + AHEAD_NS, "ts1": asked[-1]}, now_s + 0.02)
+    assert not flying.status.value.heard, "the mode is still of the past"
+    flying.receive("CURRENT_MODE", current_mode(RETURN), now_s + 0.02)
+    assert (flying.status.value.heard, flying.status.value.mode) == (True, FlightMode.RETURN)
+
+
 def test_a_gap_that_no_message_waits_through_costs_nothing(flying: Px4Session) -> None:
     flying.receive("HEARTBEAT", heartbeat(OFFBOARD), 1.19)
     flying.receive("HEARTBEAT", heartbeat(HOLD), 1.38)

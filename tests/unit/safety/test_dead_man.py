@@ -55,7 +55,7 @@ def test_a_stall_of_the_whole_machine_is_not_blamed_on_the_loop() -> None:
 def test_a_gap_of_the_own_clock_latches_before_anything_is_sent() -> None:
     watch = Watch(DeadManTiming())
     polled(watch, [0.0, 0.02], [1, 3])
-    assert watch.poll(0.4, 4, True) is Action.LATCH
+    assert watch.poll(0.4, 4, True) is Action.SHUT
 
 
 def test_silence_while_the_vehicle_is_not_ours_is_nothing() -> None:
@@ -111,17 +111,57 @@ def test_a_gap_between_two_ticks_latches_before_the_setpoint_leaves() -> None:
     assert not gate.tick(setpoint, 0.5)
     assert gate.latched
     assert len(sender.setpoints) == 2
-    assert sender.modes == [FlightMode.HOLD]
 
 
-def test_after_a_gap_in_which_the_autopilot_or_a_pilot_took_the_vehicle_nothing_is_commanded() -> None:
+@pytest.mark.parametrize("gap_s", [0.31, 0.9, 1.2, 60.0])
+def test_after_a_gap_in_which_the_autopilot_or_a_pilot_may_have_taken_the_vehicle_nothing_is_commanded(
+    gap_s: float,
+) -> None:
     sender, now = Sender(), [10.0]
     gate = SetpointGate(sender, lambda: now[0], gap_s=0.3)
     gate.tick(Setpoint((0.1, 0.2, 0.3), 0.5), 0.5)
-    now[0] += 1.2
+    now[0] += gap_s
     gate.check_gap()
     assert gate.latched
     assert sender.modes == []
+
+
+@pytest.mark.parametrize("setpoint", [None, Setpoint((0.0, 0.0, 0.0), 0.5)])
+def test_a_gap_is_told_once_before_anything_is_computed_whoever_has_the_vehicle(setpoint: Setpoint | None) -> None:
+    now, told = [10.0], list[float]()
+    gate = SetpointGate(Sender(), lambda: now[0], gap_s=0.3)
+    gate.gap_listeners.append(told.append)
+    for gap_s in (0.0, 0.25, 0.01, 20.0, 0.01):
+        now[0] += gap_s
+        gate.check_gap()
+        gate.tick(setpoint, 0.5)
+    assert told == [20.0]
+
+
+def test_the_time_before_the_first_tick_is_no_gap() -> None:
+    told = list[float]()
+    gate = SetpointGate(Sender(), lambda: 5000.0)
+    gate.gap_listeners.append(told.append)
+    gate.check_gap()
+    assert told == []
+
+
+def test_a_thread_that_stood_still_itself_shuts_the_gate_and_asks_for_nothing() -> None:
+    sender, events = Sender(), list[str]()
+    gate = SetpointGate(sender)
+    gate.tick(Setpoint((0.0, 0.0, 0.0), 0.5), 0.5)
+    shut = threading.Event()
+
+    def report(event: str) -> None:
+        events.append(event)
+        shut.set()
+
+    dead_man = DeadMan(gate, DeadManTiming(clock_gap_s=0.0, poll_s=0.005), report)
+    dead_man.start()
+    assert shut.wait(10.0)
+    dead_man.stop()
+    assert gate.latched
+    assert sender.modes == [] and events == ["dead_man_shut"]
 
 
 def test_a_gap_while_the_vehicle_is_not_ours_is_nothing() -> None:
@@ -175,8 +215,8 @@ def test_silence_that_steps_over_its_bound_is_levelled_too() -> None:
 
 
 @pytest.mark.parametrize("after", [1, 2])
-def test_only_more_than_the_gap_of_the_clock_latches(after: int) -> None:
-    for gap_s, action in ((0.5, Action.NOTHING), (0.5625, Action.LATCH), (3.0, Action.LATCH)):
+def test_only_more_than_the_gap_of_the_clock_shuts(after: int) -> None:
+    for gap_s, action in ((0.5, Action.NOTHING), (0.5625, Action.SHUT), (3.0, Action.SHUT)):
         watch = Watch(EXACT)
         watch.poll(0.0, 1, True)
         assert watch.poll(gap_s, after, True) is action
@@ -217,14 +257,24 @@ def test_a_gap_of_three_tenths_latches_unless_told_otherwise(gap_s: float, latch
     assert gate.latched is latched
 
 
-def test_the_gap_itself_is_none_and_hold_is_asked_for_up_to_the_second_in_which_the_autopilot_acts() -> None:
-    for gap_s, latched, modes in ((0.25, False, []), (1.0, True, [FlightMode.HOLD]), (1.25, True, [])):
-        sender, now = Sender(), [16.0]
-        gate = SetpointGate(sender, lambda now=now: now[0], gap_s=0.25)
+def test_the_gap_itself_is_none() -> None:
+    for gap_s, latched in ((0.25, False), (0.3125, True)):
+        now = [16.0]
+        gate = SetpointGate(Sender(), lambda now=now: now[0], gap_s=0.25)
         gate.tick(Setpoint((0.0, 0.0, 0.0), 0.5), 0.5)
         now[0] += gap_s
         gate.check_gap()
         assert gate.latched is latched
+
+
+def test_a_latch_asks_for_hold_up_to_the_second_in_which_the_autopilot_acts() -> None:
+    for silent_s, modes in ((0.25, [FlightMode.HOLD]), (1.0, [FlightMode.HOLD]), (1.25, [])):
+        sender, now = Sender(), [16.0]
+        gate = SetpointGate(sender, lambda now=now: now[0])
+        gate.tick(Setpoint((0.0, 0.0, 0.0), 0.5), 0.5)
+        now[0] += silent_s
+        gate.latch()
+        assert gate.latched
         assert sender.modes == modes
 
 

@@ -41,6 +41,8 @@ class Wire:
 
     def withdraw_commands(self) -> None: ...
 
+    def stood_still(self) -> None: ...
+
     async def read_parameter(self, name: str, timeout_s: float) -> float | int | None:
         return None
 

@@ -1,0 +1,82 @@
+"""The daemon stands still (SIGSTOP, SIGCONT), over real MAVSDK: whoever took the vehicle meanwhile keeps it."""
+
+import signal
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.air import Air, air, state_of, take
+from support.processes import Child, daemon_on
+
+from daemon.goals.client import FlightClient
+from daemon.messages import FlightMode
+from daemon.sim.faults import PilotTakesOver
+
+DO_SET_MODE = 176
+
+
+@dataclass
+class Flown:
+    """A vehicle that the daemon flies; ``commands`` are what the autopilot was told to do since."""
+
+    air: Air
+    child: Child
+    commands: list[int]
+
+    async def stands_still(self, seconds: float) -> None:
+        self.child.process.send_signal(signal.SIGSTOP)
+        await self.air.passes(seconds)
+
+    def goes_on(self) -> None:
+        self.child.process.send_signal(signal.SIGCONT)
+
+
+def told(seen: Air) -> list[int]:
+    commands: list[int] = []
+    receive = seen.px4.receive
+
+    def noting(name: str, fields: dict[str, Any], **sender: int) -> None:
+        if name == "COMMAND_LONG" and int(fields["command"]) < 500:  # above: messages that are asked for
+            commands.append(int(fields["command"]))
+        receive(name, fields, **sender)
+
+    seen.px4.receive = noting  # type: ignore[method-assign,assignment]
+    return commands
+
+
+@asynccontextmanager
+async def flown(folder: Path) -> AsyncIterator[Flown]:
+    async with air() as seen, daemon_on(folder, seen.connection) as child:
+        assert child.socket is not None
+        async with FlightClient(child.socket) as flight:
+            await take(flight, seen)
+        yield Flown(seen, child, told(seen))
+
+
+async def test_a_pilot_who_took_the_vehicle_within_a_standstill_keeps_it(tmp_path: Path) -> None:
+    async with flown(tmp_path) as vehicle:
+        await vehicle.stands_still(0.4)
+        vehicle.air.px4.inject(PilotTakesOver(mode="position"))
+        await vehicle.air.passes(0.4)
+        sent = len(vehicle.air.sent)
+        vehicle.goes_on()
+        await vehicle.air.passes(3.0)
+        assert (vehicle.air.px4.mode, vehicle.commands) == (FlightMode.POSITION, [])
+        assert len(vehicle.air.sent) == sent
+        assert await state_of(vehicle.child) == "fault"
+
+
+async def test_after_a_standstill_an_autopilot_that_still_waits_is_given_hold(tmp_path: Path) -> None:
+    async with flown(tmp_path) as vehicle:
+        await vehicle.stands_still(0.45)
+        if vehicle.air.px4.mode is not FlightMode.OFFBOARD:
+            pytest.skip("this machine let PX4's failsafe act first")
+        sent = len(vehicle.air.sent)
+        vehicle.goes_on()
+        await vehicle.air.until(lambda: vehicle.air.px4.mode is not FlightMode.OFFBOARD)
+        assert vehicle.air.px4.mode is FlightMode.HOLD
+        assert set(vehicle.commands) == {DO_SET_MODE}
+        assert len(vehicle.air.sent) == sent
