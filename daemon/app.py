@@ -118,6 +118,7 @@ async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Li
     server = GoalServer(
         service, hub, Operators(uids=frozenset(config.goals.operator_uids), gids=frozenset(config.goals.operator_gids))
     )
+    vehicle.gate.gap_listeners.append(server.stood_still)
     tasks = asyncio.ensure_future(vehicle.run())
     dead_man.start()
     await server.start(listener)

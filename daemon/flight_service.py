@@ -116,14 +116,21 @@ class Service:
         """See ``FlightService``."""
         return self._commander.releases
 
+    @property
+    def standstills(self) -> int:
+        """See ``FlightService``."""
+        return self._commander.standstills
+
     async def goal_submit(self, params: methods.GoalSubmit, caller: Caller, goal_id: str) -> results.GoalAccepted:
         """See ``FlightService``."""
         try:
             self._needs_engage()
-            releases = self.releases
+            releases, standstills = self.releases, self.standstills
             order = await orders.order(goal_id, params, self._place(), caller.connection)
             if self.releases != releases:
                 raise ProtocolError(ErrorCode.WRONG_STATE, "the vehicle was released while the goal was planned")
+            if self.standstills != standstills:
+                raise ProtocolError(ErrorCode.WRONG_STATE, "the daemon stood still while the goal was planned")
             engage = self._needs_engage()
         except ProtocolError as error:
             self._journal.goal("refused", goal_id, {"field": error.field, "reason": error.reason})

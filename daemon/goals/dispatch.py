@@ -42,6 +42,8 @@ LONG_S = 0.001
 REST = 3.0
 BUSY = "too many of these wait to be done; try again when some are"
 RELEASED = "the vehicle was released while the {} waited"
+STOOD_STILL = "the daemon stood still while the {} waited; ask again"
+TAKING = frozenset({"vehicle.arm", "vehicle.takeoff", "vehicle.engage"})
 RELEASING = frozenset({"vehicle.hold", "vehicle.land", "vehicle.return"})
 INTERNAL = "something went wrong inside the daemon; its log says what"
 
@@ -50,10 +52,12 @@ INTERNAL = "something went wrong inside the daemon; its log says what"
 class _Sent:
     """When a line was sent: after so many ``releases`` of the vehicle, those that it asks for itself included.
 
-    What waits for its turn must not take back a vehicle that somebody gave away after that.
+    What waits for its turn must not take back a vehicle that somebody gave away after that, nor move one after more
+    ``standstills`` of the daemon: who sent it has given up by then, and may stand beside the vehicle.
     """
 
     releases: int
+    standstills: int
 
 
 class Dispatcher:
@@ -67,8 +71,9 @@ class Dispatcher:
         self._turnstile = Turnstile()
         self._batches = 0
 
-    def handle(self, session: Session, line: bytes) -> None:
-        """Start what a line asks for; the reply follows when it is done."""
+    def handle(self, session: Session, line: bytes, *, past: bool = False) -> None:
+        """Start what a line asks for; the reply follows when it is done. ``past``: sent before the last standstill."""
+        standstills = self._service.standstills - past
         try:
             messages, batch = parse(line)
         except ProtocolError as error:
@@ -78,12 +83,12 @@ class Dispatcher:
             session.send(encode_error(None, ProtocolError(ErrorCode.WRONG_STATE, BUSY)), essential=True)
             return
         if batch:
-            self._start(session, self._answer_batch(session, messages))
+            self._start(session, self._answer_batch(session, messages, standstills))
             return
         item = interpret(messages[0], operator=session.caller.operator)
         if isinstance(item, Call) and not item.method.notification:
-            self._start(session, self._answer(session, item))
-        elif (reply := self._answer_now(session, item)) is not None:
+            self._start(session, self._answer(session, item, standstills))
+        elif (reply := self._answer_now(session, item, standstills)) is not None:
             session.send(reply, essential=True)
 
     async def stop(self) -> None:
@@ -103,10 +108,10 @@ class Dispatcher:
 
         task.add_done_callback(done)
 
-    def _answer_now(self, session: Session, item: Call | Refusal) -> bytes | None:
+    def _answer_now(self, session: Session, item: Call | Refusal, standstills: int) -> bytes | None:
         """Reply to what needs no task: a refusal, or a notification (None: reported as an event if it failed)."""
         if isinstance(item, Call):
-            error, goal_id = self._notify(session, item), getattr(item.params, "goal_id", None)
+            error, goal_id = self._notify(session, item, standstills), getattr(item.params, "goal_id", None)
         elif item.reply:
             return encode_error(item.id, item.error)
         else:
@@ -116,8 +121,9 @@ class Dispatcher:
             session.send(encode_notification("telemetry.events", payload), essential=False)
         return None
 
-    def _notify(self, session: Session, call: Call) -> ProtocolError | None:
+    def _notify(self, session: Session, call: Call, standstills: int) -> ProtocolError | None:
         try:
+            self._require_no_standstill(standstills, "notification")
             getattr(self._service, call.method.name.replace(".", "_"))(call.params, session.caller)
         except ProtocolError as error:
             return error
@@ -126,16 +132,16 @@ class Dispatcher:
             return ProtocolError(ErrorCode.INTERNAL, INTERNAL)
         return None
 
-    async def _answer(self, session: Session, call: Call) -> None:
-        reply, goal_id = await self._call(session, call, _Sent(self._service.releases))
+    async def _answer(self, session: Session, call: Call, standstills: int) -> None:
+        reply, goal_id = await self._call(session, call, _Sent(self._service.releases, standstills))
         session.send(reply, essential=True)
         if goal_id is not None:
             self._hub.goal_answered(goal_id)
 
-    async def _answer_batch(self, session: Session, messages: list[Any]) -> None:
+    async def _answer_batch(self, session: Session, messages: list[Any], standstills: int) -> None:
         self._batches += 1
         try:
-            replies, goal_ids = await self._replies(session, messages)
+            replies, goal_ids = await self._replies(session, messages, _Sent(self._service.releases, standstills))
         finally:
             self._batches -= 1
         if replies:
@@ -143,11 +149,10 @@ class Dispatcher:
         for goal_id in goal_ids:
             self._hub.goal_answered(goal_id)
 
-    async def _replies(self, session: Session, messages: list[Any]) -> tuple[list[bytes], list[str]]:
+    async def _replies(self, session: Session, messages: list[Any], sent: _Sent) -> tuple[list[bytes], list[str]]:
         """Replies to the messages of a batch, and the ids of the goals that it submitted."""
         replies: list[bytes] = []
         goal_ids: list[str] = []
-        sent = _Sent(self._service.releases)
         for message in messages:
             await self._turn(session.caller)
             item = interpret(message, operator=session.caller.operator)
@@ -155,7 +160,7 @@ class Dispatcher:
                 reply, goal_id = await self._call(session, item, sent)
                 replies.append(reply)
                 goal_ids += [goal_id] if goal_id is not None else []
-            elif (refusal := self._answer_now(session, item)) is not None:
+            elif (refusal := self._answer_now(session, item, sent.standstills)) is not None:
                 replies.append(refusal)
         return replies, goal_ids
 
@@ -195,18 +200,27 @@ class Dispatcher:
     async def _do(
         self, work: Callable[[], Awaitable[Mapping[str, Any]]], method: str, sent: _Sent
     ) -> Mapping[str, Any]:
+        if method in TAKING:
+            self._require_sent_after(sent, "request")
         kept = self._service.releases == sent.releases
-        if method == "vehicle.engage" and not kept:
-            raise ProtocolError(ErrorCode.WRONG_STATE, RELEASED.format("request"))
         result = await work()
         if kept and method in RELEASING:  # and nobody else's was newer, or it would not be done
             sent.releases = self._service.releases
         return result
 
     async def _submit(self, params: GoalSubmit, caller: Caller, goal_id: str, sent: _Sent) -> Mapping[str, Any]:
-        if self._service.releases != sent.releases:
-            raise ProtocolError(ErrorCode.WRONG_STATE, RELEASED.format("goal"))
+        self._require_sent_after(sent, "goal")
         return await self._service.goal_submit(params, caller, goal_id)
+
+    def _require_sent_after(self, sent: _Sent, what: str) -> None:
+        """Refuse what would take the vehicle and is older than its last release, or the last standstill."""
+        self._require_no_standstill(sent.standstills, what)
+        if self._service.releases != sent.releases:
+            raise ProtocolError(ErrorCode.WRONG_STATE, RELEASED.format(what))
+
+    def _require_no_standstill(self, standstills: int, what: str) -> None:
+        if self._service.standstills != standstills:
+            raise ProtocolError(ErrorCode.WRONG_STATE, STOOD_STILL.format(what))
 
     async def _in_order(self, session: Session, work: Callable[[], Awaitable[Mapping[str, Any]]]) -> Mapping[str, Any]:
         """One goal at a time: the last to come is the last to be flown, and few are checked in threads at once."""

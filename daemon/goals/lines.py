@@ -15,6 +15,11 @@ class LineSplitter:
         """Tell whether `take` has something to say: a line, or that it is too long."""
         return b"\n" in self._buffer or len(self._buffer) > MAX_LINE_BYTES
 
+    @property
+    def held(self) -> int:
+        """Bytes that were fed and not taken."""
+        return len(self._buffer)
+
     def feed(self, data: bytes | memoryview) -> None:
         """Add what was received."""
         self._buffer += data

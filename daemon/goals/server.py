@@ -2,6 +2,7 @@
 
 import asyncio
 import resource
+import select
 import socket
 from collections.abc import Callable
 from contextlib import suppress
@@ -13,7 +14,7 @@ from daemon.goals.errors import ErrorCode, ProtocolError
 from daemon.goals.hub import Hub
 from daemon.goals.service import Caller, FlightService
 from daemon.goals.session import Session
-from daemon.goals.sockets import Listener, Operators, peer_of
+from daemon.goals.sockets import BACKLOG, Listener, Operators, peer_of
 from daemon.goals.turns import Turns
 
 MAX_CLIENTS = 1000
@@ -55,6 +56,7 @@ class GoalServer:
         self._empty = asyncio.Event()
         self._count = 0
         self._accepting: set[asyncio.Task[object]] = set()
+        self._past_connections = 0
         self._listener: Listener | None = None
 
     async def start(self, listener: Listener) -> None:
@@ -81,6 +83,19 @@ class GoalServer:
         for session in list(self._sessions):
             session.abort()
 
+    def stood_still(self, _gap_s: float) -> None:
+        """What waits in the sockets now was sent before or while the daemon stood still."""
+        for session in self._sessions:
+            session.stood_still()
+        self._past_connections = BACKLOG if self._somebody_knocks() else 0
+
+    def _somebody_knocks(self) -> bool:
+        if self._listener is None or self._listener.sock.fileno() < 0:
+            return False
+        poll = select.poll()
+        poll.register(self._listener.sock.fileno(), select.POLLIN)
+        return bool(poll.poll(0))
+
     def opened(self, session: Session) -> ProtocolError | None:
         """Take the connection in, or say why not; some are kept for those who act."""
         kept = 0 if session.caller.operator else KEPT_FOR_OPERATORS
@@ -105,9 +120,9 @@ class GoalServer:
             session.queued = True
             self._put(session.caller, partial(_visit, session))
 
-    def handle(self, session: Session, line: bytes) -> None:
+    def handle(self, session: Session, line: bytes, *, past: bool) -> None:
         """Do what a line asks for."""
-        self._dispatcher.handle(session, line)
+        self._dispatcher.handle(session, line, past=past)
 
     def idle(self, session: Session) -> bool:
         """Tell whether nothing more is to come for a client that sends no more."""
@@ -156,6 +171,7 @@ class GoalServer:
             loop.call_later(CHECK_PERIOD_S, self._await_connection)
             return True
         if sock is None:
+            self._past_connections = 0
             self._await_connection()
             return False
         self._hub.slack.want(self._accept)
@@ -166,6 +182,9 @@ class GoalServer:
             log.error("accept_failed", reason=str(error))
             sock.close()
             return True
+        if self._past_connections:
+            self._past_connections -= 1
+            session.past_until_connected = True
         task = loop.create_task(loop.connect_accepted_socket(partial(_same, session), sock))
         self._accepting.add(task)
         task.add_done_callback(self._accepting.discard)

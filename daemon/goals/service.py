@@ -83,6 +83,10 @@ class FlightService(Protocol):
     def releases(self) -> int:
         """How often the vehicle was given away, or asked to be: a goal that waited meanwhile is not submitted."""
 
+    @property
+    def standstills(self) -> int:
+        """How often the daemon stood still: what was sent before neither takes nor moves the vehicle."""
+
     async def goal_submit(self, params: GoalSubmit, caller: Caller, goal_id: str) -> GoalAccepted:
         """Accept a goal as ``goal_id`` and return at once; each accepted goal gets exactly one `Hub.goal_result`."""
 

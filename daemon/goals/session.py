@@ -1,9 +1,12 @@
 """One client's connection: bounded reading, bounded work, bounded writing; it never makes the loop wait."""
 
 import asyncio
+import fcntl
 import os
 import select
 import socket
+import sys
+import termios
 from typing import Protocol
 
 from daemon import logs
@@ -38,8 +41,8 @@ class Host(Protocol):
     def ready(self, session: "Session") -> None:
         """The connection has something to do: call its `work` soon."""
 
-    def handle(self, session: "Session", line: bytes) -> None:
-        """Do what a line asks for."""
+    def handle(self, session: "Session", line: bytes, *, past: bool) -> None:
+        """Do what a line asks for; ``past``: it was sent before the daemon stood still."""
 
     def idle(self, session: "Session") -> bool:
         """Tell whether nothing more is to come for a client that sends no more."""
@@ -60,8 +63,10 @@ class Session(asyncio.BufferedProtocol):
         self._closing = False
         self._gone_since_s: float | None = None
         self._rest: socket.socket | None = None
+        self._past_bytes = 0
         self.caller = Caller(number, peer.pid, peer.uid, host.operators.include(peer))
         self.queued = False
+        self.past_until_connected = False
         self.in_flight = 0
         self.goals_waiting = 0
         self.lost = 0
@@ -72,6 +77,8 @@ class Session(asyncio.BufferedProtocol):
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
         transport.set_write_buffer_limits(high=SOFT_LIMIT_BYTES)
+        if self.past_until_connected:
+            self.stood_still()
         if (refusal := self._host.opened(self)) is not None:
             self.fail(refusal)
 
@@ -130,13 +137,16 @@ class Session(asyncio.BufferedProtocol):
         """Do one line, or read on; tell whether anything was done."""
         if self._closing or self.in_flight >= MAX_IN_FLIGHT or self._stuck_since_s is not None:
             return False
+        held = self._lines.held
         try:
             line = self._lines.take()
         except ProtocolError as error:
             self.fail(error)
             return True
+        past = self._past_bytes > 0
+        self._past_bytes = max(0, self._past_bytes - (held - self._lines.held))
         if line:
-            self._host.handle(self, line)
+            self._host.handle(self, line, past=past)
         if self._lines.ready:
             self._host.ready(self)
             return True
@@ -167,6 +177,16 @@ class Session(asyncio.BufferedProtocol):
             rest.close()
         self._host.ready(self)
         return True
+
+    def stood_still(self) -> None:
+        """All that has come and was not begun is of before a standstill of the daemon's."""
+        self._past_bytes = self._lines.held + self._unread_bytes()
+
+    def _unread_bytes(self) -> int:
+        sock = self._rest if self._transport is None else self._transport.get_extra_info("socket")
+        if sock is None or sock.fileno() < 0:
+            return 0
+        return int.from_bytes(fcntl.ioctl(sock.fileno(), termios.FIONREAD, bytes(4)), sys.byteorder)
 
     def started(self) -> None:
         """A request of this client runs."""

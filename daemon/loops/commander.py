@@ -23,6 +23,8 @@ from daemon.safety.reasons import REASONS
 from daemon.safety.supervisor import FLYING, OURS, State
 
 POLL_S = 0.02
+SUPERSEDED = "superseded by a newer vehicle request"
+STOOD_STILL = "the daemon stood still before it was done; ask again"
 
 
 class NotPossibleError(Exception):
@@ -44,16 +46,12 @@ class CommandTimeouts:
     descend_m_s: float = 0.3
 
 
-def _require_wanted(wanted: bool) -> None:
-    if not wanted:
-        raise NotPossibleError("superseded by a newer vehicle request")
-
-
 class Commander:
     """One request at a time: a newer one ends a pending one with ``NotPossibleError("superseded ...")``.
 
     A request that is refused at once ends none. ``stopping``: the vehicle is neither armed nor engaged any more.
     ``releases`` counts what gave the vehicle away, or was asked to: what was sent before must not take it again.
+    ``standstills`` of the daemon are counted for the same reason.
     """
 
     def __init__(
@@ -72,10 +70,13 @@ class Commander:
         self._timeouts = timeouts
         self._cannot_hover = cannot_hover
         self._turn = 0
+        self._takes = False
+        self._ended_by = SUPERSEDED
         self._flying = False
         self._arming = self._armed_here = False
         self.stopping = False
         self.releases = 0
+        self.standstills = 0
 
     @property
     def state(self) -> State:
@@ -97,11 +98,18 @@ class Commander:
         if not inputs.status.armed:
             self._armed_here = self._arming
 
+    def stood_still(self) -> None:
+        """End what would still arm, take off or engage: who asked has given up, and may stand beside the vehicle."""
+        self.standstills += 1
+        if self._takes:
+            self._begin()
+            self._ended_by = STOOD_STILL
+
     async def arm(self) -> None:
         """Arm; done when telemetry shows it."""
         self._require_connected()
         if not self._autopilot.status.value.armed:
-            await self._arm(self._begin())
+            await self._arm(self._begin(takes=True))
 
     async def disarm(self) -> None:
         """Disarm; only on the ground."""
@@ -132,7 +140,7 @@ class Commander:
             raise NotPossibleError(f"a pilot has armed the vehicle and flies in mode {status.mode.value}")
         if status.global_position is None:
             raise NotPossibleError("the autopilot has no global position yet, so the height cannot be given")
-        turn = self._begin()
+        turn = self._begin(takes=True)
         altitude_amsl_m = status.global_position.altitude_amsl_m + altitude_m
         if status.mode is not FlightMode.HOLD:
             # Arming is refused in Land, and in a mode that lacks what it needs.
@@ -153,7 +161,7 @@ class Commander:
         """Take the vehicle over from Hold; done when offboard is confirmed."""
         self._require_connected()
         self.ask_engage()
-        turn = self._begin()
+        turn = self._begin(takes=True)
         await self.engaged(lambda: self._turn == turn)
 
     def ask_engage(self) -> None:
@@ -252,9 +260,11 @@ class Commander:
         finally:
             self._arming = False
 
-    def _begin(self) -> int:
+    def _begin(self, *, takes: bool = False) -> int:
         """End the request before; a command of its that was not acknowledged must not come after this request's."""
         self._turn += 1
+        self._takes = takes
+        self._ended_by = SUPERSEDED
         self._autopilot.withdraw_commands()
         return self._turn
 
@@ -272,13 +282,17 @@ class Commander:
         try:
             await self._autopilot.command(command, self._timeouts.acknowledge_s)
         except LinkError as error:
-            _require_wanted(self._turn == turn)
+            self._require_wanted(self._turn == turn)
             raise type(error)(f"{command.kind.value}: {error}") from None
 
     def post(self, kind: RequestKind) -> None:
         """Ask the supervisor, and wait for nothing: it reads the newest request alone."""
         last = self._request.value
         self._request.set(VehicleRequest(1 if last is None else last.serial + 1, kind))
+
+    def _require_wanted(self, wanted: bool) -> None:
+        if not wanted:
+            raise NotPossibleError(self._ended_by)
 
     def _require(self, state: State, what: str) -> None:
         if self.state is not state:
@@ -329,7 +343,7 @@ class Commander:
         loop = asyncio.get_running_loop()
         deadline_s = loop.time() + limit_s
         while True:
-            _require_wanted(wanted())
+            self._require_wanted(wanted())
             if done():
                 return
             if loop.time() > deadline_s:

@@ -127,6 +127,7 @@ class Vehicle:
 
     def _stood_still(self, gap_s: float) -> None:
         self.autopilot.stood_still()
+        self.commander.stood_still()
         log.warning("stood_still", seconds=round(gap_s, 2))
 
     @property

@@ -44,6 +44,7 @@ class FakeFlight:
         self.setting = dict(SETTING)
         self.state = "ready"
         self.releases = 0
+        self.standstills = 0
         self._tasks: set[asyncio.Task] = set()
 
     def identity(self):

@@ -1,5 +1,6 @@
 """Arming, taking off, engaging, holding and coming down: when each is done, and what ends it elsewhere."""
 
+import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 
@@ -146,3 +147,42 @@ def test_a_landing_that_a_pilot_ends_says_so() -> None:
             await vehicle.commander.land()
 
     assert play(scenario, AIR, State.READY) == pytest.approx(3.0, abs=0.1)
+
+
+@pytest.mark.parametrize("waits_for", [RequestKind.HOLD, CommandKind.ARM, CommandKind.TAKEOFF])
+def test_a_take_off_goes_no_further_when_the_daemon_stood_still_meanwhile(
+    waits_for: CommandKind | RequestKind,
+) -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        shown = {
+            RequestKind.HOLD: lambda: vehicle.set(State.STANDBY, mode=FlightMode.HOLD),
+            CommandKind.ARM: lambda: vehicle.set(State.STANDBY, armed=True),
+            CommandKind.TAKEOFF: lambda: vehicle.set(State.TAKING_OFF, mode=FlightMode.TAKEOFF),
+        }
+
+        def script(asked: CommandKind | RequestKind) -> None:
+            if asked is waits_for:
+                vehicle.commander.stood_still()
+            shown.get(asked, lambda: None)()
+
+        vehicle.script = script
+        with pytest.raises(NotPossibleError, match="the daemon stood still"):
+            await vehicle.commander.takeoff(7.0)
+        await asyncio.sleep(1.0)
+        whole = [RequestKind.HOLD, CommandKind.ARM, CommandKind.TAKEOFF]
+        assert [asked for asked in vehicle.asked if asked in whole] == whole[: whole.index(waits_for) + 1]
+        assert vehicle.withdrawn == 2
+
+    play(scenario, replace(GROUND, mode=FlightMode.LAND))
+
+
+def test_a_landing_is_waited_for_over_a_standstill() -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        answers(vehicle, {RequestKind.LAND: lambda: vehicle.later(0.1, State.LANDING, mode=FlightMode.LAND)})
+        landing = asyncio.ensure_future(vehicle.commander.land())
+        await asyncio.sleep(0.5)
+        vehicle.commander.stood_still()
+        vehicle.later(0.5, State.STANDBY, armed=False)
+        await landing
+
+    play(scenario, AIR, State.READY)
