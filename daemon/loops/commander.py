@@ -14,7 +14,7 @@ from daemon.autopilot.port import (
     LinkError,
 )
 from daemon.latest import Latest
-from daemon.loops.engageable import hindrances
+from daemon.loops.engageable import NOT_HEARD, hindrances
 from daemon.messages import FlightMode, LandedState, RequestKind, VehicleRequest
 from daemon.pipeline import Inputs, Record
 from daemon.safety.conditions import PILOT_MODES
@@ -107,7 +107,7 @@ class Commander:
 
     async def arm(self) -> None:
         """Arm; done when telemetry shows it."""
-        self._require_connected()
+        self._require_heard("arm")
         if not self._autopilot.status.value.armed:
             await self._arm(self._begin(takes=True))
 
@@ -132,7 +132,7 @@ class Commander:
 
     async def takeoff(self, altitude_m: float) -> None:
         """Arm if needed and climb to ``altitude_m`` above the take-off point; done in the air and in Hold."""
-        self._require_connected()
+        self._require_heard("take off")
         status = self._autopilot.status.value
         if self.state is not State.STANDBY or status.landed is not LandedState.ON_GROUND:
             raise NotPossibleError(f"take-off needs a vehicle on the ground; the state is {self.state.value}")
@@ -269,7 +269,14 @@ class Commander:
         return self._turn
 
     async def _begin_leaving(self, what: str) -> int:
-        """Begin a request for another mode; a release that is under way is let end first, it takes no second wish."""
+        """Begin a request for another mode; a release that is under way is let end first, it takes no second wish.
+
+        A vehicle that is not ours is asked for nothing until it is known who has it now: it may be a pilot.
+        """
+        with contextlib.suppress(CommandTimeoutError):
+            await self.wait_for(self._knows_who_flies, self._timeouts.mode_s, "heard")
+        if not self._knows_who_flies():
+            raise NotPossibleError(f"cannot {what}: {NOT_HEARD}")
         self._require_flyable(what)
         self.releases += 1
         turn = self._begin()
@@ -301,6 +308,15 @@ class Commander:
     def _require_connected(self) -> None:
         if not self._autopilot.status.value.connected or self.state is State.DISCONNECTED:
             raise NotPossibleError("no autopilot is connected")
+
+    def _knows_who_flies(self) -> bool:
+        status = self._autopilot.status.value
+        return status.heard or not status.connected or self.state in OURS
+
+    def _require_heard(self, what: str) -> None:
+        self._require_connected()
+        if not self._autopilot.status.value.heard:
+            raise NotPossibleError(f"cannot {what}: {NOT_HEARD}")
 
     def _require_flyable(self, what: str) -> None:
         self._require_connected()

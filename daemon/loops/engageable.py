@@ -11,6 +11,8 @@ from daemon.messages import (
 )
 from daemon.pipeline import Record
 
+NOT_HEARD = "nothing shows what the autopilot does now"
+
 
 def hindrances(
     status: AutopilotStatus, record: Record, request: VehicleRequest | None, *, patience_s: float
@@ -21,6 +23,7 @@ def hindrances(
         text
         for fails, text in (
             (coming is not None, f"{coming} was asked for and may still come"),
+            (not status.heard, NOT_HEARD),
             (not status.armed, "the vehicle is not armed"),
             (status.landed is not LandedState.IN_AIR, f"landed state is {status.landed.name.lower()}"),
             (status.mode is not FlightMode.HOLD, f"the mode is {status.mode.value}, not hold"),

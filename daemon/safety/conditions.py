@@ -217,6 +217,7 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds, **other
         takeoff=mode is FlightMode.TAKEOFF,
         landing=landing,
         engageable=hold
+        and status.heard
         and status.armed
         and status.landed is LandedState.IN_AIR
         and status.system_status is SystemStatus.ACTIVE

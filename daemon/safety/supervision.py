@@ -94,7 +94,7 @@ def step(
         supervision, modes = _enter(supervision, row.to, row.reason, fresh, facts.status, now_s, timing)
     else:
         supervision, modes = _continue(supervision, facts.status, now_s, timing)
-        if _drifts_on(supervision, conditions, bounds, now_s, timing):
+        if facts.status.heard and _drifts_on(supervision, conditions, bounds, now_s, timing):
             supervision, modes = _ask(replace(supervision, landing_asked=False), bounds.fence_beyond, now_s)
     if supervision.state not in OURS and _awaited(supervision, facts.status, now_s, timing) is None:
         undo, answer = undoing.step(supervision.undo, facts.status, now_s, undo_s=timing.undo_s, retry_s=timing.retry_s)
@@ -175,7 +175,7 @@ def _ask_without_flying(
 ) -> tuple[Supervision, tuple[FlightMode, ...]]:
     """A mode asked for while the vehicle is not ours. Take-off is commanded by whoever asks: it carries a height."""
     mode = _MODE_OF.get(request.kind)
-    if mode is None or supervision.state in OURS or supervision.state is State.DISCONNECTED:
+    if mode is None or supervision.state in OURS or supervision.state is State.DISCONNECTED or not status.heard:
         return supervision, ()
     if in_flight(status) and status.mode in PILOT_MODES:
         return supervision, ()
@@ -254,7 +254,8 @@ def _continue(
         if elapsed >= timing.match_s and due:
             return _ask(supervision, FlightMode.OFFBOARD, now_s)
     overtaken = supervision.reason == "land_overtook_hold" and supervision.asked_mode is FlightMode.HOLD
-    if overtaken and supervision.asks < UNDO_ASKS and not refused and now_s - supervision.asked_s >= timing.retry_s:
+    due = status.heard and not refused and now_s - supervision.asked_s >= timing.retry_s
+    if overtaken and due and supervision.asks < UNDO_ASKS:
         return _ask(supervision, FlightMode.HOLD, now_s)
     if supervision.state is State.RELEASING:
         return _hand_over(supervision, refused, status.heard, now_s, timing)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from support.commander_rig import AIR, GROUND, Vehicle, answers, play, refused
+from support.commander_rig import AIR, GROUND, TIMEOUTS, Vehicle, answers, play, refused
 
 from daemon.autopilot.port import CommandRefusedError, CommandTimeoutError
 from daemon.loops.commander import Commander, NotPossibleError
@@ -68,6 +68,9 @@ def test_engaging_needs_an_estimate(conditions: dict[str, bool], words: str) -> 
         (lambda c: c.takeoff(5.0), GROUND, State.DISCONNECTED, "no autopilot is connected"),
         (Commander.engage, replace(AIR, connected=False), State.READY, "no autopilot is connected"),
         (Commander.hold, replace(AIR, connected=False), State.READY, "no autopilot is connected"),
+        (Commander.arm, replace(GROUND, heard=False), State.STANDBY, "cannot arm: nothing shows what"),
+        (lambda c: c.takeoff(5.0), replace(GROUND, heard=False), State.STANDBY, "cannot take off: nothing shows what"),
+        (Commander.engage, replace(AIR, heard=False), State.READY, "cannot engage: nothing shows what"),
         (Commander.arm, GROUND, State.FAULT, "cannot arm in state fault"),
         (Commander.disarm, AIR, State.READY, "the vehicle is not landed; land it first"),
         (lambda c: c.takeoff(5.0), AIR, State.READY, "needs a vehicle on the ground; the state is ready"),
@@ -141,3 +144,37 @@ def test_without_a_record_nothing_is_connected() -> None:
             await vehicle.commander.arm()
 
     play(scenario)
+
+
+LEAVING = (Commander.hold, Commander.land, Commander.return_home)
+
+
+@pytest.mark.parametrize("ask", LEAVING)
+def test_who_wants_the_vehicle_down_waits_until_it_is_known_who_has_it(
+    ask: Callable[[Commander], Awaitable[None]],
+) -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        vehicle.later(0.3, State.READY, heard=True, mode=FlightMode.POSITION)
+        with pytest.raises(NotPossibleError, match="a pilot flies in mode position"):
+            await ask(vehicle.commander)
+        assert vehicle.asked == []
+
+    assert play(scenario, replace(AIR, heard=False), State.READY) == pytest.approx(0.3, abs=0.05)
+
+
+@pytest.mark.parametrize("ask", LEAVING)
+def test_and_is_told_when_nothing_shows_it(ask: Callable[[Commander], Awaitable[None]]) -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        with pytest.raises(NotPossibleError, match="nothing shows what the autopilot does now"):
+            await ask(vehicle.commander)
+        assert (vehicle.asked, vehicle.commander.releases) == ([], 0)
+
+    assert play(scenario, replace(AIR, heard=False), State.READY) == pytest.approx(TIMEOUTS.mode_s, abs=0.1)
+
+
+def test_a_vehicle_that_is_ours_is_given_away_whether_the_autopilot_is_heard_or_not() -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        answers(vehicle, {RequestKind.HOLD: lambda: vehicle.set(State.READY, mode=FlightMode.HOLD)})
+        await vehicle.commander.hold()
+
+    assert play(scenario, replace(AIR, heard=False, mode=FlightMode.OFFBOARD), State.HOLDING) < 0.1

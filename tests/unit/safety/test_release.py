@@ -332,3 +332,26 @@ def test_a_fence_that_is_left_after_that_is_answered_by_land() -> None:
     rig.status(IN_LAND)
     assert rig.tick() is State.LANDING
     assert rig.supervision.reason == "geofence"
+
+
+def test_a_drift_of_before_a_standstill_is_answered_only_when_hold_is_heard_since() -> None:
+    rig = tracking()
+    rig.bounds = Bounds(fence=Geofence(ceiling_m=120.0, hard_margin_m=5.0), fence_beyond=FlightMode.LAND)
+    rig.set(state=vehicle_at((0.0, 0.0, -126.0))).tick()
+    rig.status(IN_HOLD).tick(400)
+    rig.asked.clear()
+    rig.set(state=replace(vehicle_at((0.0, 0.0, -132.0)), velocity_ned_m_s=(0.0, 0.0, -1.0))).tick(50)
+    rig.now_s += 20.0
+    rig.status(IN_HOLD, heard=False).tick(5)
+    assert rig.asked == []
+    rig.status(IN_HOLD).tick()
+    assert [mode for _, mode in rig.asked] == [FlightMode.LAND]
+
+
+def test_a_land_that_came_late_is_not_answered_again_before_it_is_heard_that_it_still_lands() -> None:
+    rig = _held_after_land_was_asked_for().status(IN_LAND)
+    rig.tick()
+    assert len(rig.asked) == 1
+    rig.now_s += 20.0
+    rig.status(IN_LAND, heard=False).tick(5)
+    assert len(rig.asked) == 1

@@ -165,3 +165,16 @@ def test_a_return_that_crosses_a_pilots_mode_is_told_as_requested_wherever_it_wa
     rig.status(IN_HOLD, mode=FlightMode.RETURN, intended_mode=FlightMode.RETURN)
     assert rig.tick() is State.LANDING
     assert rig.supervision.reason == "requested"
+
+
+@pytest.mark.parametrize("kind", list(RequestKind))
+def test_nothing_is_asked_of_an_autopilot_of_which_only_the_past_is_known(kind: RequestKind) -> None:
+    """A pilot may have taken it while we stood still."""
+    rig = ready()
+    rig.asked.clear()
+    rig.status(IN_HOLD, heard=False).ask(kind)
+    assert rig.tick() is State.READY
+    assert (rig.drive, rig.asked) == (Drive.SILENT, [])
+    rig.status(IN_HOLD, mode=FlightMode.POSITION, intended_mode=FlightMode.POSITION)
+    assert rig.tick(300) is State.PILOT
+    assert rig.asked == []
