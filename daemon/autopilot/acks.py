@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from daemon.autopilot.events import RESULT_ACCEPTED, RESULT_IN_PROGRESS
 from daemon.autopilot.port import CommandRefusedError, CommandTimeoutError, LinkError
-from daemon.autopilot.px4 import CMD_TAKEOFF, Message
+from daemon.autopilot.px4 import CMD_ARM, CMD_TAKEOFF, Message
 from daemon.messages import FlightMode
 
 
@@ -116,8 +116,11 @@ class CommandAcks:
         else:
             pending.result, pending.report_s = result, now_s + self._reason_wait_s
 
-    def poll(self, now_s: float, why: Callable[[int], str]) -> list[Message]:
-        """Report what is due; returns what must be sent again. ``why`` puts a MAV_RESULT in words."""
+    def poll(self, now_s: float, why: Callable[[int], str], *, heard: bool) -> list[Message]:
+        """Report what is due; returns what must be sent again. ``why`` puts a MAV_RESULT in words.
+
+        Nothing is repeated before the autopilot is ``heard``: somebody else may have the vehicle by then.
+        """
         again: list[Message] = []
         for command, pending in list(self._pending.items()):
             if pending.result is not None and now_s >= pending.report_s:
@@ -126,7 +129,7 @@ class CommandAcks:
             elif pending.result is None and now_s >= pending.deadline_s:
                 del self._pending[command]
                 pending.done(CommandTimeoutError(f"command {command} was not acknowledged"))
-            elif pending.result is None and now_s >= pending.resend_s:
+            elif heard and pending.result is None and now_s >= pending.resend_s:
                 pending.resend_s = now_s + self._resend_s
                 name, fields = pending.message
                 pending.message = (name, fields | {"confirmation": fields["confirmation"] + 1})
@@ -139,6 +142,17 @@ class CommandAcks:
             pending.resend_s = float("inf")
             if command == CMD_TAKEOFF and mode is FlightMode.TAKEOFF:
                 self.ack(command, RESULT_ACCEPTED, 0.0)
+
+    def armed_changed(self, armed: bool) -> None:
+        """What was asked for and shows counts as acknowledged; who is disarmed meanwhile is not armed again."""
+        pending = self._pending.get(CMD_ARM)
+        if pending is None:
+            return
+        arms = pending.message[1]["param1"] == 1.0
+        if arms == armed:
+            self.ack(CMD_ARM, RESULT_ACCEPTED, 0.0)
+        elif arms:
+            pending.resend_s = float("inf")
 
     def drop(self, done: Done) -> None:
         """Whoever gave this does not wait any more: the command is not repeated."""

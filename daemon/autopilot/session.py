@@ -115,13 +115,16 @@ class Px4Session:
         if handler is None:
             return
         self.monitor.count(name)
-        mode = self.status.value.mode
+        before = self.status.value
         try:
             handler(fields, now_s)
         except (KeyError, TypeError, ValueError, IndexError):
             self._count_malformed(name)
-        if self.status.value.mode is not mode:
-            self._commands.mode_changed(self.status.value.mode)
+        status = self.status.value
+        if status.mode is not before.mode:
+            self._commands.mode_changed(status.mode)
+        if status.armed is not before.armed:
+            self._commands.armed_changed(status.armed)
         self._listen(now_s)
 
     def receive_sample(self, name: str, fields: Fields, now_s: float) -> bool:
@@ -161,7 +164,7 @@ class Px4Session:
             return
         self._outgoing += self._time_sync.poll(now_s)
         self._publish_clock()
-        self._outgoing += self._commands.poll(now_s, self._why_not_armed(now_s))
+        self._outgoing += self._commands.poll(now_s, self._why_not_armed(now_s), heard=self.status.value.heard)
         self._outgoing += self.monitor.check(now_s)
         self._publish_slow_streams()
         if self.odometry.value is not None:

@@ -3,7 +3,7 @@
 from math import nan
 
 import pytest
-from support.session_rig import HOLD, LAND, ack, current_mode
+from support.session_rig import HOLD, LAND, ack, current_mode, heartbeat
 
 from daemon.autopilot.port import CommandRefusedError, CommandTimeoutError, LinkError, NotConnectedError
 from daemon.autopilot.px4 import command_long
@@ -242,3 +242,46 @@ def test_a_mode_can_be_asked_for_while_nothing_is_heard_but_not_of_a_stranger(se
     message = session.mode_message(FlightMode.HOLD)
     assert message is not None
     assert message[1]["param1"] == 129.0
+
+
+def repeats_of(session: Px4Session, command: int) -> list[float]:
+    return [fields["param1"] for _, fields in session.take_outgoing() if fields.get("command") == command]
+
+
+def test_who_is_disarmed_after_an_arming_that_showed_is_not_armed_again_for_a_lost_ack(session: Px4Session) -> None:
+    outcome = Outcome()
+    session.receive("HEARTBEAT", heartbeat(armed=False), 0.1)
+    session.start_command(command_long(400, 1.0), 0.1, 2.0, outcome)
+    assert repeats_of(session, 400) == [1.0]
+    session.receive("HEARTBEAT", heartbeat(armed=True), 0.25)
+    assert outcome.calls == [None], "what shows needs no ack"
+    session.receive("HEARTBEAT", heartbeat(armed=False), 0.4)
+    for tick in range(5, 20):
+        session.receive("ATTITUDE", {}, tick * 0.1)
+        session.poll(tick * 0.1)
+    assert repeats_of(session, 400) == []
+
+
+def test_a_disarming_is_repeated_until_it_shows(session: Px4Session) -> None:
+    outcome = Outcome()
+    session.start_command(command_long(400, 0.0), 0.0, 2.0, outcome)
+    repeats_of(session, 400)
+    for tick in range(1, 7):
+        session.receive("ATTITUDE", {}, tick * 0.1)
+        session.poll(tick * 0.1)
+    assert repeats_of(session, 400) == [0.0]
+    session.receive("HEARTBEAT", heartbeat(armed=False), 0.65)
+    assert outcome.calls == [None]
+
+
+def test_nothing_is_repeated_for_what_may_be_of_the_past(session: Px4Session) -> None:
+    session.start_command(command_long(22), 0.0, 5.0, Outcome())
+    repeats_of(session, 22)
+    session.poll(0.6)
+    assert repeats_of(session, 22) == [], "nothing is heard"
+    session.receive("ATTITUDE", {}, 1.0)
+    session.poll(1.0)
+    assert repeats_of(session, 22) == [], "what comes does not tell who has the vehicle"
+    session.receive("HEARTBEAT", heartbeat(), 1.1)
+    session.poll(1.1)
+    assert len(repeats_of(session, 22)) == 1
