@@ -39,6 +39,7 @@ _EVENTS_KEPT = 64
 _PARAM_DOES_NOT_EXIST = 1  # MAV_PARAM_ERROR; any other may be gone when asked again
 _QUIET_S = 0.2  # ODOMETRY alone comes every 10 ms
 _ASK_MODE_AGAIN_S = 0.1
+_UNANSWERED_S = 5.0  # what waited comes in a burst, its answer behind it: longer than any buffer takes to drain
 _REASON_UPDATE_S = 0.2  # an EVENT that explains a refusal comes within a few ms of the ack; generous
 
 
@@ -61,7 +62,8 @@ class Px4Session:
     are never older than the connection. ``malformed`` counts messages that could not be read, by name.
 
     What comes after a silence may have waited, in a radio or, when we stood still, in our own socket: it tells of the
-    past, until TIMESYNC answers a request that was sent since. An autopilot that never answered one is believed.
+    past, until TIMESYNC answers a request that was sent since. An autopilot that never answered one is believed, and
+    so is one that does not while messages flow for ``_UNANSWERED_S``; ``slow_streams`` tells of both.
     """
 
     def __init__(self, params: SessionParams | None = None) -> None:
@@ -184,6 +186,7 @@ class Px4Session:
         """What has come, and waits for us, tells of the past. A suspended machine's clock may not have seen it pass."""
         self._silence_ended_s = now_s
         self._update(heard=False)
+        self.monitor.begin(now_s)
         if self._flowing:
             self._ask_what_is_now(now_s)
 
@@ -269,7 +272,8 @@ class Px4Session:
     def _of_now(self) -> bool:
         """What comes has not waited since before the last silence ended."""
         answered_s = self._time_sync.answered_s
-        return answered_s == -inf or answered_s >= self._silence_ended_s
+        unanswered_s = self._last_arrival_s - self._silence_ended_s
+        return answered_s == -inf or answered_s >= self._silence_ended_s or unanswered_s > _UNANSWERED_S
 
     def _begin_flow(self, now_s: float) -> None:
         self._flowing = True
@@ -305,7 +309,10 @@ class Px4Session:
             self.clock.set(self._time_sync.sync)
 
     def _on_timesync(self, fields: Fields, now_s: float) -> None:
+        answered_s = self._time_sync.answered_s
         self._outgoing += self._time_sync.receive(fields, now_s)
+        if self._time_sync.answered_s > answered_s:
+            self.monitor.count(streams.ANSWERS)
         self._publish_clock()
 
     def _on_event(self, fields: Fields, now_s: float) -> None:

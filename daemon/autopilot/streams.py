@@ -21,6 +21,7 @@ class Stream:
 
 
 _ORIGIN = 49
+ANSWERS = "answers to TIMESYNC"  # without which nothing tells what is of now
 
 STREAMS: tuple[Stream, ...] = (
     Stream("ODOMETRY", 331, 100.0, least_hz=60.0),
@@ -43,7 +44,7 @@ def requests() -> list[Message]:
 
 
 class StreamMonitor:
-    """Counts arrivals and, once a period, names the streams that come too slowly.
+    """Counts arrivals and, once a period, names the streams that come too slowly, and ``ANSWERS`` when none came.
 
     Acknowledgements do not say what they are for: when fewer come than were asked for, all streams are asked for again.
     """
@@ -62,9 +63,10 @@ class StreamMonitor:
         """Begin anew: the whole table has just been asked for."""
         self._seen.clear()
         self._unanswered = len(STREAMS)
-        self._begin(now_s)
+        self.begin(now_s)
 
-    def _begin(self, now_s: float) -> None:
+    def begin(self, now_s: float) -> None:
+        """What came until now does not count: a period begins."""
         self._counts.clear()
         self._since_s = now_s
 
@@ -90,8 +92,8 @@ class StreamMonitor:
         lagging = tuple(s for s in STREAMS if self._counts.get(s.name, 0) < s.least_hz * elapsed_s)
         again = STREAMS if self._unanswered else lagging
         missing = [s for s in STREAMS if s.once and s.name not in self._seen]
-        self.slow = tuple(stream.name for stream in lagging)
+        self.slow = tuple(stream.name for stream in lagging) + (() if ANSWERS in self._counts else (ANSWERS,))
         self._unanswered = len(again)
-        self._begin(now_s)
+        self.begin(now_s)
         intervals = [set_message_interval(stream.message_id, stream.rate_hz) for stream in again]
         return intervals + [request_message(stream.message_id) for stream in missing]

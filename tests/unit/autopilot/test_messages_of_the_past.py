@@ -83,6 +83,47 @@ def test_an_autopilot_that_never_answered_timesync_is_believed(session: Px4Sessi
     assert (session.status.value.heard, session.status.value.connected) == (True, True)
 
 
+def test_an_autopilot_that_does_not_answer_any_more_is_believed_after_five_seconds_of_messages_and_told_of(
+    flying: Px4Session,
+) -> None:
+    """Else its vehicle could not be brought down any more."""
+    heard_s = None
+    for i in range(100):
+        now_s = STOOD_S + 0.1 * i
+        flying.receive("HEARTBEAT", heartbeat(RETURN), now_s)
+        flying.poll(now_s)
+        if flying.status.value.heard and heard_s is None:
+            heard_s = now_s - STOOD_S
+    assert heard_s == pytest.approx(5.0, abs=0.2)
+    assert flying.status.value.connected
+    assert "answers to TIMESYNC" in flying.slow_streams.value
+
+
+def test_a_silence_within_these_seconds_begins_them_anew(flying: Px4Session) -> None:
+    for i in range(100):
+        now_s = STOOD_S + 0.1 * i + 1.0 * (i // 30)
+        flying.receive("HEARTBEAT", heartbeat(RETURN), now_s)
+        flying.poll(now_s)
+        assert not flying.status.value.heard
+
+
+@pytest.mark.parametrize("there_and_back_s", [1.5, 3.0])
+def test_a_radio_that_takes_seconds_is_heard_as_late_as_that(flying: Px4Session, there_and_back_s: float) -> None:
+    waiting: list[tuple[float, int]] = []
+    heard_s = None
+    for i in range(60):
+        now_s = STOOD_S + 0.1 * i
+        flying.receive("HEARTBEAT", heartbeat(RETURN), now_s)
+        flying.poll(now_s)
+        waiting += [(now_s, fields["ts1"]) for name, fields in flying.take_outgoing() if name == "TIMESYNC"]
+        while waiting and waiting[0][0] + there_and_back_s <= now_s:
+            ts1 = waiting.pop(0)[1]
+            flying.receive("TIMESYNC", {"tc1": ts1 + AHEAD_NS, "ts1": ts1}, now_s)
+        if flying.status.value.heard and heard_s is None:
+            heard_s = now_s - STOOD_S
+    assert heard_s == pytest.approx(there_and_back_s, abs=0.25)
+
+
 def test_a_link_that_answers_late_but_steadily_is_heard(flying: Px4Session) -> None:
     """Half a second there and back, as over a mobile network: the requests overlap."""
     waiting: list[tuple[float, int]] = []

@@ -128,8 +128,11 @@ def test_the_autopilots_own_time_requests_are_answered_at_once(session: Px4Sessi
     assert session.take_outgoing() == [("TIMESYNC", {"tc1": 1_250_000_000, "ts1": 5_276_000_000})]
 
 
-def listen(session: Px4Session, *, answers: int, mode_period: int, imu_period: int = 2, first: int = 0) -> set[int]:
+def listen(
+    session: Px4Session, *, answers: int, mode_period: int, imu_period: int = 2, first: int = 0, knows_time: bool = True
+) -> set[int]:
     """A period of every stream as PX4 sends it, two with so many ticks of 10 ms between; what is asked for again."""
+    asked: set[int] = set()
     for _ in range(answers):
         session.receive("COMMAND_ACK", ack(511, 0), 0.01 * first)
     for tick in range(first, first + 205):
@@ -141,7 +144,20 @@ def listen(session: Px4Session, *, answers: int, mode_period: int, imu_period: i
             session.receive("EXTENDED_SYS_STATE", {"landed_state": 1}, now_s)
             session.receive("SYS_STATUS", {"battery_remaining": 100}, now_s)
         session.poll(now_s)
-    return requested_ids(session)
+        for name, fields in session.take_outgoing():
+            if name == "TIMESYNC" and knows_time:
+                session.receive(name, {"tc1": fields["ts1"] + 7_000_000_000, "ts1": fields["ts1"]}, now_s)
+            asked |= {int(fields["param1"])} if fields.get("command") == 511 else set()
+    return asked
+
+
+def test_an_autopilot_that_does_not_answer_timesync_is_told_of(session: Px4Session) -> None:
+    """By its answers alone it is known that what comes is of now."""
+    assert listen(session, answers=len(STREAMS), mode_period=50, knows_time=False) == set()
+    assert session.slow_streams.value == ("answers to TIMESYNC",)
+    session.receive("TIMESYNC", {"tc1": 0, "ts1": 5_276_000_000}, 2.05)
+    listen(session, answers=0, mode_period=50, first=205)
+    assert session.slow_streams.value == ()
 
 
 def test_streams_that_come_too_slowly_are_named_and_asked_for_again(session: Px4Session) -> None:
