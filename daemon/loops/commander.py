@@ -206,7 +206,8 @@ class Commander:
             raise NotPossibleError("the daemon is stopping")
         if record is None or self.state not in (State.READY, State.PILOT, State.FAULT):
             raise NotPossibleError(f"cannot engage in state {self.state.value}; take off first")
-        missing = hindrances(status, record, self._request.value, patience_s=self._timeouts.mode_s)
+        clock = self._autopilot.clock.value
+        missing = hindrances(status, record, self._request.value, clock, patience_s=self._timeouts.mode_s)
         missing += self._cannot_hover()
         if missing:
             raise NotPossibleError("cannot engage: " + ", ".join(missing))

@@ -8,6 +8,8 @@ import pytest
 from support.flight import Flight, fly
 
 from daemon import frames
+from daemon.goals.errors import ProtocolError
+from daemon.loops.commander import NotPossibleError
 from daemon.messages import FlightMode
 from daemon.safety.supervisor import State
 from daemon.sim.faults import BatteryLow, Link
@@ -94,5 +96,24 @@ def test_a_vehicle_that_was_to_hold_does_not_land_for_a_slow_link(delay_s: float
         await _passes(flight, 3.0)
         assert (flight.px4.mode, flight.state) == (FlightMode.HOLD, State.READY)
         assert flight.position[2] < -4.0
+
+    fly(scenario)
+
+
+@pytest.mark.parametrize("delay_s", [0.3, 0.75])
+def test_a_vehicle_is_not_taken_over_a_link_that_takes_too_long_to_fly_by(delay_s: float) -> None:
+    """It would sink by metres: the estimate's age does not show what even the quickest sample took."""
+
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne(20.0, engage=False)
+        for direction in ("up", "down"):
+            flight.px4.inject(Link(direction=direction, delay_s=delay_s))
+        await _passes(flight, 12.0)
+        with pytest.raises(NotPossibleError, match="too slow to fly by"):
+            await flight.vehicle.commander.engage()
+        with pytest.raises(ProtocolError, match="too slow to fly by"):
+            await flight.goto(10.0, 0.0, -20.0)
+        await _passes(flight, 3.0)
+        assert (flight.px4.mode, flight.sent) == (FlightMode.HOLD, [])
 
     fly(scenario)

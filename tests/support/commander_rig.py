@@ -14,6 +14,7 @@ from daemon.messages import (
     IDENTITY,
     ZERO3,
     AutopilotStatus,
+    ClockSync,
     EstimatedState,
     FlightMode,
     GlobalPosition,
@@ -42,6 +43,7 @@ class Vehicle:
         self.status: Latest[AutopilotStatus] = Latest(status)
         self.record: Latest[Record | None] = Latest(None)
         self.request: Latest[VehicleRequest | None] = Latest(None)
+        self.clock: Latest[ClockSync | None] = Latest(None)
         self.seen = self.withdrawn = 0
         self.reads = True
         self.asked: list[CommandKind | RequestKind] = []

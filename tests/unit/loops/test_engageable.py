@@ -9,6 +9,7 @@ from support.trajectory_rig import NOTHING
 from daemon.loops.engageable import hindrances
 from daemon.messages import (
     BatteryCharge,
+    ClockSync,
     FlightMode,
     LandedState,
     ModeRefusal,
@@ -32,7 +33,7 @@ def coming(
     conditions = replace(NOTHING.conditions, state_usable=True, estimate_poor=False)
     record = replace(NOTHING, now_s=NOW_S, supervision=supervision, conditions=conditions)
     request = VehicleRequest(6, RequestKind.TAKEOFF) if unread is None else VehicleRequest(7, unread)
-    return hindrances(replace(IN_HOLD, mode_refusal=refusal), record, request, patience_s=PATIENCE_S)
+    return hindrances(replace(IN_HOLD, mode_refusal=refusal), record, request, None, patience_s=PATIENCE_S)
 
 
 @pytest.mark.parametrize(
@@ -50,7 +51,7 @@ def coming(
 def test_what_would_hand_the_vehicle_over_at_once_hinders(condition: str, words: str) -> None:
     conditions = replace(NOTHING.conditions, state_usable=True, estimate_poor=False)
     conditions = replace(conditions, **{condition: True})
-    (said,) = hindrances(IN_HOLD, replace(NOTHING, conditions=conditions), None, patience_s=PATIENCE_S)
+    (said,) = hindrances(IN_HOLD, replace(NOTHING, conditions=conditions), None, None, patience_s=PATIENCE_S)
     assert words in said
 
 
@@ -69,14 +70,23 @@ def test_what_would_hand_the_vehicle_over_at_once_hinders(condition: str, words:
 def test_an_autopilot_that_is_not_quietly_in_hold_hinders(changes: dict[str, object], words: str) -> None:
     conditions = replace(NOTHING.conditions, state_usable=True, estimate_poor=False)
     status = replace(IN_HOLD, **changes)  # type: ignore[arg-type]
-    (said,) = hindrances(status, replace(NOTHING, conditions=conditions), None, patience_s=PATIENCE_S)
+    (said,) = hindrances(status, replace(NOTHING, conditions=conditions), None, None, patience_s=PATIENCE_S)
     assert words in said
 
 
 def test_without_a_fresh_estimate_nothing_is_engaged() -> None:
     conditions = replace(NOTHING.conditions, state_usable=False, estimate_poor=False)
-    said = hindrances(IN_HOLD, replace(NOTHING, conditions=conditions), None, patience_s=PATIENCE_S)
+    said = hindrances(IN_HOLD, replace(NOTHING, conditions=conditions), None, None, patience_s=PATIENCE_S)
     assert said == ["there is no fresh estimate"]
+
+
+@pytest.mark.parametrize(
+    ("one_way_s", "words"), [(0.09, []), (0.75, ["the link takes 1.50 s there and back: too slow to fly by"])]
+)
+def test_a_link_that_takes_too_long_hinders(one_way_s: float, words: list[str]) -> None:
+    conditions = replace(NOTHING.conditions, state_usable=True, estimate_poor=False)
+    clock = ClockSync(1_000_000, 0.0, 0.0, one_way_s)
+    assert hindrances(IN_HOLD, replace(NOTHING, conditions=conditions), None, clock, patience_s=PATIENCE_S) == words
 
 
 def test_nothing_that_was_asked_for_hinders_nothing() -> None:
