@@ -124,6 +124,7 @@ class Service:
     async def goal_submit(self, params: methods.GoalSubmit, caller: Caller, goal_id: str) -> results.GoalAccepted:
         """See ``FlightService``."""
         try:
+            await self._heard_if_it_engages()
             self._needs_engage()
             releases, standstills = self.releases, self.standstills
             order = await orders.order(goal_id, params, self._place(), caller.connection)
@@ -281,6 +282,13 @@ class Service:
             State.FAULT: "the daemon let the vehicle go; engage it first",
         }.get(state, "wait until it is done")
         raise ProtocolError(ErrorCode.WRONG_STATE, f"cannot fly a goal in state {state.value}: {hint}")
+
+    async def _heard_if_it_engages(self) -> None:
+        try:
+            if self._commander.state is State.READY and self._vehicle.config.goals.engage_on_submit:
+                await self._commander.until_heard("engage")
+        except NotPossibleError as error:
+            raise ProtocolError(ErrorCode.WRONG_STATE, str(error)) from None
 
     async def _engage_for(self, goal_id: str) -> None:
         try:

@@ -36,6 +36,7 @@ class CommandTimeouts:
     """Bounds on every wait, seconds; ``climb_m_s`` and ``descend_m_s`` are the slowest rates to allow for."""
 
     acknowledge_s: float = 2.0
+    heard_s: float = 1.0
     mode_s: float = 2.5
     arm_s: float = 3.0
     engage_s: float = 3.0
@@ -107,7 +108,7 @@ class Commander:
 
     async def arm(self) -> None:
         """Arm; done when telemetry shows it."""
-        self._require_heard("arm")
+        await self.until_heard("arm")
         if not self._autopilot.status.value.armed:
             await self._arm(self._begin(takes=True))
 
@@ -132,7 +133,7 @@ class Commander:
 
     async def takeoff(self, altitude_m: float) -> None:
         """Arm if needed and climb to ``altitude_m`` above the take-off point; done in the air and in Hold."""
-        self._require_heard("take off")
+        await self.until_heard("take off")
         status = self._autopilot.status.value
         if self.state is not State.STANDBY or status.landed is not LandedState.ON_GROUND:
             raise NotPossibleError(f"take-off needs a vehicle on the ground; the state is {self.state.value}")
@@ -159,7 +160,7 @@ class Commander:
 
     async def engage(self) -> None:
         """Take the vehicle over from Hold; done when offboard is confirmed."""
-        self._require_connected()
+        await self.until_heard("engage")
         self.ask_engage()
         turn = self._begin(takes=True)
         await self.engaged(lambda: self._turn == turn)
@@ -314,7 +315,17 @@ class Commander:
         status = self._autopilot.status.value
         return status.heard or not status.connected or self.state in OURS
 
-    def _require_heard(self, what: str) -> None:
+    async def until_heard(self, what: str) -> None:
+        """Wait a little until it is known what the autopilot does now; nothing that comes meanwhile is overtaken.
+
+        Raises ``NotPossibleError``, also when the vehicle was released, or the daemon stood still, meanwhile.
+        """
+        self._require_connected()
+        before = self.releases, self.standstills
+        with contextlib.suppress(CommandTimeoutError):
+            await self.wait_for(lambda: self._autopilot.status.value.heard, self._timeouts.heard_s, "heard")
+        if before != (self.releases, self.standstills):
+            raise NotPossibleError(f"cannot {what}: the vehicle was released, or the daemon stood still, meanwhile")
         self._require_connected()
         if not self._autopilot.status.value.heard:
             raise NotPossibleError(f"cannot {what}: {NOT_HEARD}")

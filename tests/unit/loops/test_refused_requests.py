@@ -68,9 +68,6 @@ def test_engaging_needs_an_estimate(conditions: dict[str, bool], words: str) -> 
         (lambda c: c.takeoff(5.0), GROUND, State.DISCONNECTED, "no autopilot is connected"),
         (Commander.engage, replace(AIR, connected=False), State.READY, "no autopilot is connected"),
         (Commander.hold, replace(AIR, connected=False), State.READY, "no autopilot is connected"),
-        (Commander.arm, replace(GROUND, heard=False), State.STANDBY, "cannot arm: nothing shows what"),
-        (lambda c: c.takeoff(5.0), replace(GROUND, heard=False), State.STANDBY, "cannot take off: nothing shows what"),
-        (Commander.engage, replace(AIR, heard=False), State.READY, "cannot engage: nothing shows what"),
         (Commander.arm, GROUND, State.FAULT, "cannot arm in state fault"),
         (Commander.disarm, AIR, State.READY, "the vehicle is not landed; land it first"),
         (lambda c: c.takeoff(5.0), AIR, State.READY, "needs a vehicle on the ground; the state is ready"),
@@ -178,3 +175,56 @@ def test_a_vehicle_that_is_ours_is_given_away_whether_the_autopilot_is_heard_or_
         await vehicle.commander.hold()
 
     assert play(scenario, replace(AIR, heard=False, mode=FlightMode.OFFBOARD), State.HOLDING) < 0.1
+
+
+TAKING: list[Any] = [
+    (Commander.arm, GROUND, State.STANDBY, "cannot arm"),
+    (lambda c: c.takeoff(5.0), GROUND, State.STANDBY, "cannot take off"),
+    (Commander.engage, AIR, State.READY, "cannot engage"),
+]
+
+
+@pytest.mark.parametrize(("ask", "status", "state", "words"), TAKING)
+def test_what_takes_a_vehicle_of_which_only_the_past_is_known_is_refused_after_a_second(
+    ask: Callable[[Commander], Awaitable[None]], status: AutopilotStatus, state: State, words: str
+) -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        with pytest.raises(NotPossibleError, match=f"{words}: nothing shows what the autopilot does now"):
+            await ask(vehicle.commander)
+        assert vehicle.asked == []
+
+    assert play(scenario, replace(status, heard=False), state) == pytest.approx(TIMEOUTS.heard_s, abs=0.1)
+
+
+@pytest.mark.parametrize("meanwhile", ["hold", "stood_still"])
+@pytest.mark.parametrize(("ask", "status", "state", "words"), TAKING)
+def test_and_overtakes_nothing_that_came_while_it_waited(
+    ask: Callable[[Commander], Awaitable[None]], status: AutopilotStatus, state: State, words: str, meanwhile: str
+) -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        answers(vehicle, {RequestKind.HOLD: lambda: vehicle.set(State.READY, mode=FlightMode.HOLD)})
+        taking = asyncio.ensure_future(ask(vehicle.commander))
+        await asyncio.sleep(0.1)
+        if meanwhile == "hold":
+            vehicle.set(State.HOLDING, armed=True, landed=LandedState.IN_AIR)
+            hold = asyncio.ensure_future(vehicle.commander.hold())
+            await asyncio.sleep(0.1)
+            await hold
+        else:
+            vehicle.commander.stood_still()
+        asked = list(vehicle.asked)
+        vehicle.set(state, heard=True)
+        with pytest.raises(NotPossibleError, match=f"{words}: the vehicle was released, or the daemon stood still"):
+            await taking
+        assert vehicle.asked == asked
+
+    play(scenario, replace(status, heard=False), state)
+
+
+def test_an_engage_goes_on_when_the_autopilot_is_heard_again_within_a_second() -> None:
+    async def scenario(vehicle: Vehicle) -> None:
+        answers(vehicle, {RequestKind.ENGAGE: lambda: vehicle.set(State.HOLDING, mode=FlightMode.OFFBOARD)})
+        vehicle.later(0.5, State.READY, heard=True)
+        await vehicle.commander.engage()
+
+    assert play(scenario, replace(AIR, heard=False), State.READY) == pytest.approx(0.5, abs=0.1)
