@@ -55,6 +55,7 @@ def odometry(tick: int, reset_counter: int = 11, offset_m: float = 0.0) -> Odome
 
 def status(tick: int, armed: bool, mode: FlightMode) -> AutopilotStatus:
     return AutopilotStatus(
+        heard=True,
         connected=True,
         heartbeat_s=START_S + tick // 100,
         mode=mode,
