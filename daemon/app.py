@@ -115,9 +115,8 @@ async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Li
         vehicle.health.asked["recording"] = lambda: recorder.warning
         control = vehicle.control
         control.watchers.add("recorder", lambda inputs, record: recorder.tick(control.state, inputs, record))
-    server = GoalServer(
-        service, hub, Operators(uids=frozenset(config.goals.operator_uids), gids=frozenset(config.goals.operator_gids))
-    )
+    operators = Operators(uids=frozenset(config.goals.operator_uids), gids=frozenset(config.goals.operator_gids))
+    server = GoalServer(service, hub, operators, vehicle.gate.check_gap)
     vehicle.gate.gap_listeners.append(server.stood_still)
     tasks = asyncio.ensure_future(vehicle.run())
     dead_man.start()

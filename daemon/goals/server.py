@@ -41,10 +41,13 @@ class GoalServer:
 
     What clients ask for is done line by line in the hub's slack, users, their processes and connections in turn: a
     flood waits in the sockets of those who send it, and keeps neither the daemon's own tasks nor other clients from
-    their work.
+    their work. ``look`` is called before anything is done: it calls ``stood_still`` when the daemon did.
     """
 
-    def __init__(self, service: FlightService, hub: Hub, operators: Operators) -> None:
+    def __init__(
+        self, service: FlightService, hub: Hub, operators: Operators, look: Callable[[], None] = lambda: None
+    ) -> None:
+        self._look = look
         self.operators = operators
         self.buffer = memoryview(bytearray(BUFFER_BYTES))
         self._hub = hub
@@ -133,7 +136,8 @@ class GoalServer:
         self._hub.slack.want(self._serve)
 
     def _serve(self) -> bool:
-        """Do a piece of what clients asked for."""
+        """Do a piece of what clients asked for; after a standstill this may come before the control task's tick."""
+        self._look()
         try:
             for _ in range(VISITS):
                 if not self._turns:

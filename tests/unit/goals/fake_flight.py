@@ -45,6 +45,7 @@ class FakeFlight:
         self.state = "ready"
         self.releases = 0
         self.standstills = 0
+        self.look = lambda: None
         self._tasks: set[asyncio.Task] = set()
 
     def identity(self):
@@ -213,7 +214,7 @@ async def serving(path: Path, *, observers=False, prefix="g", **fake):
     """A fake daemon that listens at ``path``, inside the running loop."""
     hub = Hub(prefix)
     flight = FakeFlight(hub, **fake)
-    server = (ObserverServer if observers else GoalServer)(flight, hub, Operators())
+    server = (ObserverServer if observers else GoalServer)(flight, hub, Operators(), lambda: flight.look())
     await server.start(await listen(path))
     flight.server = server
     try:

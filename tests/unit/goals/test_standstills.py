@@ -156,3 +156,23 @@ async def test_references_and_poses_that_waited_do_not_count_as_of_now(path):
         stand_still(flight)
         assert "the daemon stood still" in (await client.answer())["params"]["text"]
         assert flight.calls == [] and flight.references == []
+
+
+async def test_a_line_that_was_about_to_be_done_is_of_before_too(path):
+    """What comes first after a standstill may be the server's turn."""
+    async with serving(path) as flight:
+        client = Client(path)
+        client.send(line("status.get", {}))
+        await client.answer()
+
+        def look():
+            if client.sent and not flight.standstills:
+                stand_still(flight)
+
+        client.sent = False
+        flight.look = look
+        client.send(line("vehicle.arm", {}))
+        client.sent = True
+        assert "the daemon stood still" in (await client.answer())["error"]["message"]
+        client.send(line("vehicle.arm", {}))
+        assert "result" in await client.answer()
