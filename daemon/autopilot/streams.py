@@ -50,6 +50,7 @@ class StreamMonitor:
     """
 
     PERIOD_S = 2.0
+    LATE_S = 0.3
 
     def __init__(self) -> None:
         self._counts: dict[str, int] = {}
@@ -84,10 +85,16 @@ class StreamMonitor:
         return [] if before in (None, reset_counter) else [request_message(_ORIGIN)]
 
     def check(self, now_s: float) -> list[Message]:
-        """At the end of a period, set ``slow`` and ask again for what is missed; at other times nothing."""
+        """At the end of a period, set ``slow`` and ask again for what is missed; at other times nothing.
+
+        A period whose end we look at late is not judged: it was we who stood still.
+        """
         if self._since_s is None or now_s - self._since_s < self.PERIOD_S:
             return []
         elapsed_s = now_s - self._since_s
+        if elapsed_s > self.PERIOD_S + self.LATE_S:
+            self.begin(now_s)
+            return []
         self._seen.update(self._counts)
         lagging = tuple(s for s in STREAMS if self._counts.get(s.name, 0) < s.least_hz * elapsed_s)
         again = STREAMS if self._unanswered else lagging

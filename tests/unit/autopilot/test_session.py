@@ -223,3 +223,14 @@ def test_a_stamp_that_stands_still_passes_on_for_others_to_judge(session: Px4Ses
     for _ in range(3):
         session.receive("ODOMETRY", odometry(60_000_000), 0.1)
     assert session.odometry.version == 3
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_streams_are_not_blamed_for_a_standstill_of_ours(session: Px4Session, told: bool) -> None:
+    listen(session, answers=len(STREAMS), mode_period=50)
+    if told:
+        session.stood_still(5.0)
+    session.poll(5.0)
+    assert session.slow_streams.value == ()
+    listen(session, answers=0, mode_period=50, first=500)
+    assert session.slow_streams.value == ()
