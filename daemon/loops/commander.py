@@ -122,9 +122,12 @@ class Commander:
         await self._until(turn, lambda: not self._autopilot.status.value.armed, self._timeouts.arm_s, "disarmed")
 
     async def stand_down(self, limit_s: float) -> None:
-        """Disarm what was armed here and has not taken off: nobody is left who would fly it."""
+        """Disarm what was armed here and has not left the ground: nobody is left who would fly it.
+
+        The autopilot itself refuses that once it has taken off.
+        """
         status = self._autopilot.status.value
-        on_ground = self.state is State.STANDBY and status.landed is LandedState.ON_GROUND
+        on_ground = self.state in (State.STANDBY, State.TAKING_OFF) and status.landed is LandedState.ON_GROUND
         if not (self._armed_here and on_ground) or status.mode in PILOT_MODES:
             return
         self._begin()
