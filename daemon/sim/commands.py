@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from daemon.messages import FlightMode
 from daemon.sim.announcer import ACTION, mode_argument
-from daemon.sim.modes import MANUAL_MODES, from_numbers
+from daemon.sim.modes import from_numbers
 
 if TYPE_CHECKING:
     from daemon.sim.commander import Commander
@@ -55,12 +55,7 @@ def _do_arm(commander: "Commander", command: Command) -> int:
     p = command.parameters
     if p[0] == 1.0:
         return ACCEPTED if commander.arm() else TEMPORARILY_REJECTED
-    if (
-        commander.armed
-        and not commander.detector.landed
-        and integer(p[1]) != _FORCE
-        and commander.mode not in MANUAL_MODES
-    ):
+    if commander.armed and not commander.detector.landed and integer(p[1]) != _FORCE:
         return TEMPORARILY_REJECTED
     commander.disarm()
     return ACCEPTED

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from daemon.messages import FlightMode, GlobalPosition, LandedState
 from daemon.sim import airframe_files
-from daemon.sim.faults import ClockStep, GpsLoss, Link, Reboot, SteadyWind
+from daemon.sim.faults import ClockStep, GpsLoss, Link, PilotTakesOver, Reboot, SteadyWind
 from daemon.sim.px4 import SimulatedPx4
 from daemon.sim.sensors import global_of, ned_of
 
@@ -218,8 +218,13 @@ def test_killing_in_the_air_drops_says_so_and_disarms():
     assert [event for event in events if event[0] in (killed, disarmed)] == [(killed, 0), (disarmed, 8)]
 
 
-def test_disarming_in_the_air_needs_force():
+@pytest.mark.parametrize("mode", ["hold", "position", "altitude", "stabilized", "acro", "manual"])
+def test_disarming_in_the_air_needs_force(mode):
     px4 = vehicle(10.0)
+    fly(px4, 0.2)
+    px4.inject(PilotTakesOver(mode=mode))
+    fly(px4, 0.1)
+    assert px4.mode is FlightMode(mode)
     command(px4, 400, 0.0)
     fly(px4, 0.1)
     assert px4.armed
