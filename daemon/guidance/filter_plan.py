@@ -1,18 +1,20 @@
 """The reference filter as it is flown: position and heading, saturated, stepped as far as it is asked for."""
 
 from dataclasses import replace
-from math import floor
+from math import floor, radians
 
 from daemon.frames import add, subtract, wrap_pi
 from daemon.guidance.constant_jerk import Motion, carried
 from daemon.guidance.filter_path import FilterPath
+from daemon.guidance.heading import turn_s
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters
 from daemon.guidance.plan import Plan
 from daemon.guidance.saturation import cascades, step_heading, step_towards
-from daemon.guidance.time_to_go import duration_s
 from daemon.messages import WINDOW_SPACING_S, ZERO3, Reference, Vec3
 
+_TURNED_RAD = radians(1.0)
+_TURNING_STEP_RAD = 0.1  # in units of 1 / omega
 _REST_M = 1e-7  # error, in metres, radians and their rates, below which the filter counts as resting at its goal
 
 Node = tuple[Motion, Vec3, float, float, float]  # motion, jerk; heading, its rate and acceleration
@@ -47,16 +49,17 @@ class FilterPlan(Plan):
         motion = (start.position_ned_m, start.velocity_ned_m_s, start.acceleration_ned_m_s2)
         self._after: tuple[Motion, float, float] | None = (motion, start.yaw_rad, start.yaw_rate_rad_s)
         self._path: FilterPath | None = None
-        self._estimate_s: float | None = None
+        self._end_s: float | None = None
 
     @property
     def end_s(self) -> float:
-        """When the filter comes within 5 cm of the goal: estimated from its law until it has been stepped to rest."""
-        if self._after is None:
-            return self.start_s + len(self._nodes) * self._step_s
-        if self._estimate_s is None:
-            self._estimate_s = self._estimated_s()
-        return self.start_s + self._estimate_s
+        """When the filter has come to the goal and all but rests there, 5 cm and 0.05 m/s, as its path foresees it."""
+        if self._end_s is None:
+            turn, rate = self._goal_yaw - self._start.yaw_rad, self._start.yaw_rate_rad_s
+            omega = self._parameters.omega_yaw_rad_s
+            turned_s = turn_s(turn, rate, omega, self._limits, _TURNED_RAD, _TURNING_STEP_RAD / omega)
+            self._end_s = max(self.path.end_s, self.start_s + turned_s)
+        return self._end_s
 
     @property
     def target(self) -> Reference:
@@ -74,9 +77,9 @@ class FilterPlan(Plan):
 
     @property
     def path(self) -> Plan:
-        """A twin of this plan in coarse steps, which cruises in one: a few hundred of them, however far it goes."""
+        """A twin of this plan in coarse steps, which cruises in one: some eighty of them, however far it goes."""
         if self._path is None:
-            self._path = FilterPath(self._start, self.target, self._limits, self._parameters)
+            self._path = FilterPath(self._start, self._goal, wrap_pi(self._goal_yaw), self._limits, self._parameters)
         return self._path
 
     def shifted(self, dp_ned_m: Vec3, dv_ned_m_s: Vec3, dyaw_rad: float, at_s: float) -> Plan:
@@ -92,18 +95,6 @@ class FilterPlan(Plan):
         )
         goal = add(self._goal, dp_ned_m)
         return FilterPlan(start, goal, self._goal_yaw + dyaw_rad, self._limits, self._parameters, self._step_s)
-
-    def _estimated_s(self) -> float:
-        across = duration_s(self._plane, self._offset()[:2], self._start.velocity_ned_m_s[:2])
-        down = duration_s(self._vertical, self._offset()[2:], self._start.velocity_ned_m_s[2:])
-        turn = abs(self._goal_yaw - self._start.yaw_rad) / self._limits.yaw_rate_rad_s
-        if turn > 0.0:
-            turn += 2.0 / self._parameters.omega_yaw_rad_s
-        return max(across, down, turn)
-
-    def _offset(self) -> Vec3:
-        goal, now = self._goal, self._start.position_ned_m
-        return (goal[0] - now[0], goal[1] - now[1], goal[2] - now[2])
 
     def _node(self, index: int) -> Node | None:
         """State, jerk and yaw acceleration at the beginning of a step; None when the filter rests by then."""

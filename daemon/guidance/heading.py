@@ -7,7 +7,7 @@ from math import atan2, floor, hypot, radians
 from daemon.frames import wrap_pi
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.plan import WINDOW_COUNT, Plan
-from daemon.guidance.saturation import step_heading
+from daemon.guidance.saturation import run_out_m, step_heading
 from daemon.messages import WINDOW_SPACING_S, Reference, Vec3
 
 DEAD_BAND_M_S = 0.5  # horizontal speed below which the direction of flight says nothing
@@ -15,7 +15,8 @@ DEAD_BAND_M = 0.5  # distance below which the direction to a point says nothing
 
 _LOOK_BACK = 0.03  # of the time before a path's end: how finely its last wish is looked for
 _MET_RAD = radians(5.0)  # a heading so near to its wish has met it
-_MOST_TURN_S = 60.0  # after which turning counts as done, whatever the limits
+_MOST_TURN_STEPS = 6000  # after which turning counts as done, whatever the limits
+_STEADY = 1e-4  # of the rate: what changes less in a step is at its limit
 _REST = 1e-7  # rad and rad/s below which a heading has arrived
 
 HeadingWish = Callable[[Reference], float | None]  # heading wanted at a reference, None: keep the last one
@@ -74,13 +75,27 @@ def along_velocity(reference: Reference) -> float | None:
     return atan2(vy, vx) if hypot(vx, vy) > DEAD_BAND_M_S else None
 
 
-def turn_s(turn_rad: float, omega_rad_s: float, limits: MotionLimits) -> float:
-    """How long a ``HeadedPlan`` takes to turn from rest until it has met a wish that stands still."""
-    off, rate, since_s = abs(wrap_pi(turn_rad)), 0.0, 0.0
-    while off > _MET_RAD and since_s < _MOST_TURN_S:
-        rate += step_heading(off, rate, 0.0, omega_rad_s, limits) * WINDOW_SPACING_S
-        off -= rate * WINDOW_SPACING_S
-        since_s += WINDOW_SPACING_S
+def turn_s(
+    turn_rad: float,
+    rate_rad_s: float,
+    omega_rad_s: float,
+    limits: MotionLimits,
+    near_rad: float = _MET_RAD,
+    step_s: float = WINDOW_SPACING_S,
+) -> float:
+    """How long a heading takes to meet a wish that stands still, from a rate on; stepped as ``HeadedPlan`` does."""
+    off, rate, since_s = turn_rad, rate_rad_s, 0.0
+    top, gain, most = limits.yaw_rate_rad_s, 0.5 * omega_rad_s, 0.7 * limits.yaw_acceleration_rad_s2
+    for _ in range(_MOST_TURN_STEPS):
+        if max(abs(off), abs(rate) / omega_rad_s) <= near_rad:
+            break
+        turning = step_heading(off, rate, 0.0, omega_rad_s, limits) * step_s
+        lasts_s = step_s
+        if abs(turning) < _STEADY * top:
+            lasts_s = max(lasts_s, (abs(off) - run_out_m(top, gain, most)) / top)
+        off -= (rate + 0.5 * turning) * lasts_s
+        rate += turning
+        since_s += lasts_s
     return since_s
 
 

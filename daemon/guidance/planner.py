@@ -3,7 +3,7 @@
 from dataclasses import replace
 from math import pi
 
-from daemon.frames import scale, yaw_of
+from daemon.frames import scale, wrap_pi, yaw_of
 from daemon.guidance.brake import brake
 from daemon.guidance.filter_plan import FilterPlan
 from daemon.guidance.goals import (
@@ -94,8 +94,8 @@ def _shape(start: Reference, goal: ShapeGoal, limits: MotionLimits, parameters: 
     there, omega_rad_s = rest_after(legs[-1]), parameters.omega_yaw_rad_s
     wish = wish_of(goal.heading, goal.shape.center_ned_m, start.yaw_rad)
     first_rad = wish(replace(there, velocity_ned_m_s=scale(along, goal.rate_rad_s)))
-    turning_s = 0.0 if first_rad is None else turn_s(first_rad - start.yaw_rad, omega_rad_s, limits)
-    turn_from_s = max(start.time_s, there.time_s - turn_s(pi, omega_rad_s, limits))
+    turning_s = 0.0 if first_rad is None else turn_s(wrap_pi(first_rad - start.yaw_rad), 0.0, omega_rad_s, limits)
+    turn_from_s = max(start.time_s, there.time_s - turn_s(pi, 0.0, omega_rad_s, limits))
     wait = HoldPlan(there, max(0.0, turn_from_s + turning_s - there.time_s))
     around = ShapePlan(rest_after(wait), goal.shape, entry_rad, goal.rate_rad_s, goal.turns, limits)
 

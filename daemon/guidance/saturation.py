@@ -104,6 +104,13 @@ def approach_speed(distance_m: float, gain_1_s: float, braking_m_s2: float) -> f
     return sqrt(2.0 * braking_m_s2 * (distance_m - 0.5 * linear_m))
 
 
+def run_out_m(speed: float, gain_1_s: float, braking_m_s2: float) -> float:
+    """Distance from which the approach begins at a speed: the inverse of ``approach_speed``."""
+    if speed <= braking_m_s2 / gain_1_s:
+        return speed / gain_1_s
+    return speed * speed / (2.0 * braking_m_s2) + 0.5 * braking_m_s2 / gain_1_s**2
+
+
 def step_axis(
     gains: Cascade,
     to_goal_m: float,

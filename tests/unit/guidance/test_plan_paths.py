@@ -1,9 +1,11 @@
 """A plan's path, which is drawn and held against the fence within the loop that flies."""
 
+from itertools import pairwise
 from math import dist
 
 import pytest
 
+from daemon.frames import norm, scale, subtract
 from daemon.guidance import filter_path, filter_plan
 from daemon.guidance.filter_plan import FilterPlan
 from daemon.guidance.heading import HeadedPlan, along_velocity
@@ -80,4 +82,31 @@ def test_looking_at_the_whole_way_of_a_filter_takes_few_steps_however_long_it_la
     assert plan.target.position_ned_m == (450.0, 10.0, -12.0)
     plan.outline()
     assert len(corners) <= steps + 10
-    assert steps < 600
+    assert steps < 300
+
+
+@pytest.mark.parametrize(
+    ("limits", "velocity", "acceleration"),
+    [
+        (LIMITS.tightened(speed_m_s=2.0, acceleration_m_s2=0.1, jerk_m_s3=2.0), (-4.1, -1.4, 0.0), (-0.2, 1.6, 0.0)),
+        (LIMITS.tightened(acceleration_m_s2=0.5, jerk_m_s3=0.5), (3.0, -3.0, 1.0), (0.5, 0.5, 0.0)),
+        (LIMITS, (-3.0, 3.0, -1.0), (1.0, 2.0, 0.5)),
+    ],
+)
+def test_the_way_of_a_filter_is_near_what_is_flown_from_a_start_beyond_the_limits(
+    limits: MotionLimits, velocity: Vec3, acceleration: Vec3
+) -> None:
+    start = Reference(0.0, (0.0, 0.0, -5.0), velocity, acceleration)
+    plan = FilterPlan(start, (10.0, 5.0, -8.0), 0.0, limits, GuidanceParameters(omega_rad_s=1.0))
+    corners = tuple(plan.path.polyline())
+    assert len(corners) < 400
+    for i in range(200):
+        place = plan.sample(plan.end_s * i / 200).position_ned_m
+        assert min(_aside(place, a, b) for a, b in pairwise(corners)) < 0.3
+
+
+def _aside(place: Vec3, a: Vec3, b: Vec3) -> float:
+    """Distance of a place from a straight way."""
+    along, to = subtract(b, a), subtract(place, a)
+    share = sum(x * y for x, y in zip(along, to, strict=True)) / max(sum(x * x for x in along), 1e-12)
+    return norm(subtract(to, scale(along, min(1.0, max(0.0, share)))))

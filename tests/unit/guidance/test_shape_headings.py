@@ -109,4 +109,4 @@ def test_the_time_of_a_turn_is_that_which_its_law_takes(turn_deg: float) -> None
         yaw += rate * 0.01 + 0.5 * acceleration * 0.01**2
         rate += acceleration * 0.01
         since_s += 0.01
-    assert turn_s(radians(turn_deg), 1.0, LIMITS) == pytest.approx(since_s, abs=0.03)
+    assert turn_s(radians(turn_deg), 0.0, 1.0, LIMITS) == pytest.approx(since_s, abs=0.03)
