@@ -2,7 +2,7 @@
 
 Ruckig bounds each axis by itself. When the start moves or accelerates sideways, along and across share the bounds so
 that the length of the vector keeps them, and what comes out is checked. Now and then no sharing fits a start at its
-limits.
+limits; such a one can have its acceleration taken back first.
 """
 
 from collections.abc import Iterator
@@ -109,6 +109,17 @@ def sharing(start: Reference, heading_rad: float, limits: MotionLimits) -> Itera
     for share in _ACROSS_SHARES:
         pushing = _across_share(share, acceleration[0] / limit, acceleration[1] / limit)
         yield _input(velocity, acceleration, start, limits, (speed_share, pushing, _JERK_SHARE))
+
+
+def unaccelerated(start: Reference, limits: MotionLimits) -> tuple[float, ruckig.InputParameter]:
+    """The direction of the start's acceleration, and how that is taken back with the whole jerk; all else is braked."""
+    x, y, down = start.acceleration_ned_m_s2
+    heading_rad, pushing = atan2(y, x), hypot(x, y)
+    velocity = rotate_about_down(start.velocity_ned_m_s, -heading_rad)
+    found = _input(velocity, (pushing, 0.0, down), start, limits, (0.0, 0.0, 0.0))
+    found.control_interface, found.synchronization = ruckig.ControlInterface.Velocity, ruckig.Synchronization.No
+    found.target_velocity = [velocity[0] + 0.5 * pushing * pushing / limits.jerk_m_s3, velocity[1], 0.0, 0.0]
+    return heading_rad, found
 
 
 def _across_share(wanted: float, along: float, across: float) -> float:

@@ -12,9 +12,10 @@ from daemon.messages import ZERO3, Reference
 def brake(start: Reference, limits: MotionLimits) -> Plan:
     """The plan that brings a moving reference to rest along the limits and holds it where it stops.
 
-    ``plan.target`` is the stopping place. About 20 us, up to 0.3 ms when the start moves and accelerates in different
-    directions; position, velocity and acceleration continue the start's. What is not finite of them counts as zero,
-    a position apart; a motion beyond all reason is not braked but left: rest in the start's place.
+    ``plan.target`` is the stopping place. About 20 us, up to 0.4 ms when the start moves and accelerates in different
+    directions; position, velocity and acceleration continue the start's, and limits that it can keep are kept. What is
+    not finite of them counts as zero, a position apart; a motion beyond all reason is not braked but left: rest in the
+    start's place.
     """
     flown = Reference(
         time_s=start.time_s,

@@ -15,7 +15,16 @@ from math import atan2, cos, hypot, sin
 import ruckig
 
 from daemon.frames import add, norm, wrap_pi
-from daemon.guidance.bounded_motion import Motion, goes_sideways, keeps, sharing, solve, straight, travel_heading
+from daemon.guidance.bounded_motion import (
+    Motion,
+    goes_sideways,
+    keeps,
+    sharing,
+    solve,
+    straight,
+    travel_heading,
+    unaccelerated,
+)
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.plan import Plan, straights
 from daemon.messages import ZERO3, Reference, Vec3
@@ -103,20 +112,31 @@ def to_goal(start: Reference, position_ned_m: Vec3, yaw_rad: float, limits: Moti
 
 
 def to_hover(start: Reference, limits: MotionLimits) -> JerkLimitedPlan | None:
-    """The quickest motion from a flown reference to rest, wherever that is; None only if the start is not finite.
+    """A quick motion from a flown reference to rest, wherever that is; None only if the start is not finite.
 
-    A start at the corner of its limits may pass them by some percent on the way: stopping comes first.
+    Where no sharing of the bounds fits, the acceleration is taken back along itself before the start is braked. That
+    passes no limit which could be kept: speed is the most where it begins or where it ends.
     """
     heading = travel_heading(start)
-    unchecked = None
     for wanted in sharing(start, heading, limits):
-        wanted.control_interface = _VELOCITY
-        wanted.synchronization = _NO_SYNC
-        motion = _solved(wanted, start, heading)
+        motion = _hovering(wanted, start, heading)
         if motion is not None and keeps(wanted, motion, start, limits):
             return JerkLimitedPlan((motion,), limits, None)
-        unchecked = motion or unchecked
-    return None if unchecked is None else JerkLimitedPlan((unchecked,), limits, None)
+    heading, wanted = unaccelerated(start, limits)
+    whole = _solved(wanted, start, heading)
+    if whole is None:
+        return None
+    first = replace(whole, duration_s=whole.trajectory.independent_min_durations[0])
+    onward = first.at(first.end_s)
+    heading = travel_heading(onward)
+    last = _hovering(straight(onward, heading, limits), onward, heading)
+    return None if last is None else JerkLimitedPlan((first, last), limits, None)
+
+
+def _hovering(wanted: ruckig.InputParameter, start: Reference, heading_rad: float) -> Motion | None:
+    wanted.control_interface = _VELOCITY
+    wanted.synchronization = _NO_SYNC
+    return _solved(wanted, start, heading_rad)
 
 
 def _heading_to(position_ned_m: Vec3, start: Reference) -> float:

@@ -1,7 +1,9 @@
 """Plans to waypoints and to a hover: continuous from any flown state, within limits, arriving, the shorter way."""
 
 from dataclasses import replace
+from itertools import pairwise
 from math import cos, dist, hypot, pi, radians, sin, sqrt
+from random import Random
 from types import SimpleNamespace
 from typing import Any
 
@@ -247,6 +249,35 @@ def test_brake_stops_within_limits_and_holds(
     checks.continuous(before, after)
     assert after.velocity_ned_m_s == ZERO3
     assert after.yaw_rate_rad_s == 0.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_brake_keeps_whatever_limits_the_start_can_keep(checks: SimpleNamespace, seed: int) -> None:
+    """Over the whole range of settings; a start can keep them when taking its acceleration back leads to no excess."""
+    rng = Random(seed)
+
+    def between(low: float, high: float) -> float:
+        return low * (high / low) ** rng.random()
+
+    for _ in range(60):
+        limits = MotionLimits(
+            speed_m_s=between(0.1, 25.0), acceleration_m_s2=between(0.1, 20.0), jerk_m_s3=between(0.5, 200.0)
+        )
+        way, push = rng.uniform(-pi, pi), rng.uniform(-pi, pi)
+        speed, pushing = limits.speed_m_s * rng.random() ** 0.3, limits.acceleration_m_s2 * rng.random() ** 0.3
+        gained = 0.5 * pushing * pushing / limits.jerk_m_s3
+        if hypot(speed * cos(way) + gained * cos(push), speed * sin(way) + gained * sin(push)) > limits.speed_m_s:
+            continue
+        velocity = (speed * cos(way), speed * sin(way), 0.0)
+        start = Reference(3.0, ZERO3, velocity, (pushing * cos(push), pushing * sin(push), 0.0))
+        stopped = brake(start, limits)
+        flown = [stopped.sample(3.0 + (stopped.end_s - 3.0) * (i / 200) ** 2) for i in range(201)]
+        checks.continuous(start, flown[0])
+        checks.continuous(flown[-1], stopped.sample(stopped.end_s + 10.0))
+        for before, after in pairwise(flown):
+            checks.within(limits, after)
+            most = limits.acceleration_m_s2 * (after.time_s - before.time_s)
+            assert dist(before.velocity_ned_m_s, after.velocity_ned_m_s) <= most * (1.0 + 1e-6) + 1e-9
 
 
 def test_brake_from_cruise_takes_the_time_of_the_trapezoid() -> None:
