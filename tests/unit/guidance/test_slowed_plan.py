@@ -1,5 +1,6 @@
 """Coming to rest along the way of a plan."""
 
+from itertools import pairwise
 from math import dist, hypot
 from types import SimpleNamespace
 
@@ -8,6 +9,7 @@ import pytest
 from daemon.guidance.goals import ShapeGoal
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters
+from daemon.guidance.plan import STRAY_M
 from daemon.guidance.planner import plan
 from daemon.guidance.shapes import Circle
 from daemon.guidance.slowed_plan import slow_down
@@ -33,3 +35,21 @@ def test_it_goes_on_without_a_step_keeps_the_limits_and_rests_on_the_way(checks:
         assert dist(slowed.sample(time_s).velocity_ned_m_s, (0.0, 0.0, 0.0)) < 1e-9
         assert dist(slowed.sample(time_s).position_ned_m, slowed.target.position_ned_m) < 1e-9
     assert slowed.end_s - FROM_S < 5.0 * 5.0 / LIMITS.acceleration_m_s2
+
+
+def test_its_way_is_few_straight_places_near_what_is_flown() -> None:
+    flown = plan(Reference(0.0, (26.0, 0.0, -5.0)), GOAL, LIMITS, GuidanceParameters())
+    slowed = slow_down(flown, FROM_S, LIMITS)
+    corners = tuple(slowed.path.polyline())
+    assert len(corners) < 15
+    assert corners[0] == flown.sample(FROM_S).position_ned_m
+    assert dist(corners[-1], slowed.target.position_ned_m) < 1e-6
+    middles = [tuple(0.5 * (p + q) for p, q in zip(a, b, strict=True)) for a, b in pairwise(corners)]
+    assert all(26.0 - hypot(*middle[:2]) < STRAY_M for middle in middles)
+
+
+def test_a_plan_beyond_the_limits_is_not_slowed_down_for_ever() -> None:
+    flown = plan(Reference(0.0, (26.0, 0.0, -5.0)), GOAL, LIMITS, GuidanceParameters())
+    tight = LIMITS.tightened(acceleration_m_s2=0.5)
+    slowed = slow_down(flown, FROM_S, tight)
+    assert slowed.end_s - FROM_S == pytest.approx(2.0 * 5.0 / 0.5)
