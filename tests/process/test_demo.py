@@ -73,7 +73,7 @@ async def test_a_demo_that_is_interrupted_leaves_no_process(tmp_path: Path) -> N
     children = children_of(process.pid)
     assert len(children) == 2
     process.send_signal(signal.SIGINT)
-    _, err = await asyncio.wait_for(process.communicate(), 30.0)
+    _, err = await asyncio.wait_for(process.communicate(), 60.0)
     assert process.returncode == 130, err
     assert [pid for pid in children if alive(pid)] == []
 
@@ -81,7 +81,7 @@ async def test_a_demo_that_is_interrupted_leaves_no_process(tmp_path: Path) -> N
 async def test_a_process_that_ends_by_itself_is_told_with_its_last_words(tmp_path: Path) -> None:
     child = await Child.start("the daemon", ["run", "--config", "/no/such/file.yaml"], tmp_path / "log")
     with pytest.raises(ChildError, match=r"the daemon ended with code 2: .*No such file"):
-        await asyncio.wait_for(child.ended(), 30.0)
+        await asyncio.wait_for(child.ended(), 60.0)
     await child.stop()
 
 
@@ -91,7 +91,7 @@ async def test_a_process_that_ignores_sigterm_is_killed(tmp_path: Path, monkeypa
     assert process.stdout is not None
     await process.stdout.readline()
     await Child("it", process, tmp_path / "log").stop()
-    assert await asyncio.wait_for(process.wait(), 30.0) == -signal.SIGKILL
+    assert await asyncio.wait_for(process.wait(), 60.0) == -signal.SIGKILL
 
 
 def test_a_goal_counts_only_where_it_should_be() -> None:

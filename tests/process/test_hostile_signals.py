@@ -24,5 +24,5 @@ async def test_a_terminal_that_goes_away_stops_the_daemon_in_order_unless_it_was
             await answers(child)
             assert "signal" not in [event["event"] for event in child.events()]
         else:
-            assert await asyncio.wait_for(process.wait(), 10.0) == 0
+            assert await asyncio.wait_for(process.wait(), 60.0) == 0
             assert child.events()[-1]["event"] == "stopped"

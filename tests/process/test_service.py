@@ -16,12 +16,13 @@ from daemon.goals.client import FlightClient
 from daemon.messages import FlightMode
 
 UNITS = Path(__file__).parents[2] / "systemd"
+PATIENCE_S = 60.0
 
 
 async def ends(tmp_path: Path, name: str, *args: str) -> tuple[int, str]:
     child = await start(tmp_path, name, *args)
     async with running(child):
-        code = await asyncio.wait_for(child.process.wait(), 30.0)
+        code = await asyncio.wait_for(child.process.wait(), PATIENCE_S)
     return code, child.log_file.read_text()
 
 
@@ -48,7 +49,7 @@ class Systemd:
         self._socket.bind(str(path))
         self._socket.setblocking(False)
 
-    async def next(self, limit_s: float = 30.0) -> str:
+    async def next(self, limit_s: float = PATIENCE_S) -> str:
         loop = asyncio.get_running_loop()
         return (await asyncio.wait_for(loop.sock_recv(self._socket, 4096), limit_s)).decode()
 
@@ -76,7 +77,7 @@ async def test_systemd_hears_ready_once_the_socket_listens_then_the_watchdog_the
         with socket.socket(socket.AF_UNIX) as client:
             client.connect(str(path))
         for _ in range(3):
-            assert await systemd.next(5.0) == "WATCHDOG=1"
+            assert await systemd.next() == "WATCHDOG=1"
         child.process.send_signal(signal.SIGSTOP)
         while not is_stopped(child.process.pid):  # noqa: ASYNC110 - the kernel tells by asking only
             await asyncio.sleep(0.01)
@@ -85,11 +86,11 @@ async def test_systemd_hears_ready_once_the_socket_listens_then_the_watchdog_the
             await systemd.next(1.5)
         child.process.send_signal(signal.SIGCONT)
         child.process.send_signal(signal.SIGTERM)
-        heard = [await systemd.next(5.0)]
+        heard = [await systemd.next()]
         while heard[-1] != "STOPPING=1":
-            heard.append(await systemd.next(5.0))
+            heard.append(await systemd.next())
         assert set(heard) <= {"WATCHDOG=1", "STOPPING=1"}
-        assert await asyncio.wait_for(child.process.wait(), 10.0) == 0
+        assert await asyncio.wait_for(child.process.wait(), PATIENCE_S) == 0
     with pytest.raises(TimeoutError):
         await systemd.next(0.3)
 
@@ -102,11 +103,11 @@ async def test_the_watchdog_is_fed_by_a_daemon_that_may_open_nothing_more(tmp_pa
     async with running(child):
         assert "READY=1" in await systemd.next()
         while "waiting for an autopilot" not in [event["event"] for event in child.events()]:
-            assert await systemd.next(5.0) == "WATCHDOG=1"
+            assert await systemd.next() == "WATCHDOG=1"
         resource.prlimit(child.process.pid, resource.RLIMIT_NOFILE, (3, 3))
         systemd.drain()
         for _ in range(5):
-            assert await systemd.next(5.0) == "WATCHDOG=1"
+            assert await systemd.next() == "WATCHDOG=1"
 
 
 async def test_a_fault_while_it_stops_shows_in_the_exit_code(tmp_path: Path) -> None:
@@ -117,7 +118,7 @@ async def test_a_fault_while_it_stops_shows_in_the_exit_code(tmp_path: Path) -> 
             child.process.send_signal(signal.SIGUSR1)
             await flight.info()
             child.process.send_signal(signal.SIGTERM)
-            assert await asyncio.wait_for(child.process.wait(), 20.0) == 1
+            assert await asyncio.wait_for(child.process.wait(), PATIENCE_S) == 1
         assert seen.px4.mode is FlightMode.HOLD
     assert [event["level"] for event in child.events() if event["event"] == "failed"] == ["error"]
 

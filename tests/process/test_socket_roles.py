@@ -28,7 +28,7 @@ REQUESTS = {
 def ask_all(path):
     """Codes of the replies to each request; None where it was done."""
     with socket.socket(socket.AF_UNIX) as client:
-        client.settimeout(10.0)
+        client.settimeout(60.0)
         client.connect(str(path))
         lines = client.makefile("rwb")
         codes = {}

@@ -108,7 +108,7 @@ async def hostile(path, rng, messages):
             if rng.random() < 0.5:
                 writer.write(b'{"jsonrpc":"2.0","id":"end","method":"system.info"}\n')
                 writer.write_eof()
-                answered += await asyncio.wait_for(reading, 30.0)
+                answered += await asyncio.wait_for(reading, 120.0)
         except ConnectionError:  # cut off for a line that was too long
             pass
         reading.cancel()

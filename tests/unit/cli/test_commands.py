@@ -44,11 +44,11 @@ def test_goto_preempted_is_3(flightd, path):
         first = flightd.start("goto", "1", "0", "-5")
         daemon.wait_until(lambda: daemon.active is not None)
         second = flightd.start("goto", "2", "0", "-5")
-        out, _ = first.communicate(timeout=30)
+        out, _ = first.communicate(timeout=120)
         assert first.returncode == 3
         assert daemon.active in out
         second.send_signal(signal.SIGINT)
-        second.communicate(timeout=30)
+        second.communicate(timeout=120)
 
 
 def test_interrupt_cancels_the_goal_and_is_4(flightd, path):
@@ -56,7 +56,7 @@ def test_interrupt_cancels_the_goal_and_is_4(flightd, path):
         process = flightd.start("goto", "1", "0", "-5")
         daemon.wait_until(lambda: daemon.active is not None)
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=120)
         assert [record["outcome"] for record in daemon.records.values()] == ["canceled"]
     assert process.returncode == 4
     assert "canceled" in out and "canceling" in err
@@ -126,7 +126,7 @@ def test_cancel_names_the_goal(flightd, path):
         daemon.wait_until(lambda: daemon.active is not None)
         goal_id = daemon.active
         assert goal_id in flightd("cancel").out
-        process.communicate(timeout=30)
+        process.communicate(timeout=120)
         assert process.returncode == 4
 
 

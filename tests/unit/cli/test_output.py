@@ -19,7 +19,7 @@ def shell(path):
     def run(command, redirections, **more):
         line = f"{SHELL} {command} {redirections}"
         environment = os.environ | {"FLIGHTD_SOCKET": str(path)} | more
-        return subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=60, env=environment)
+        return subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=120, env=environment)
 
     return run
 
@@ -40,7 +40,7 @@ def test_a_goal_whose_reader_went_away_ends_with_its_own_exit_code(path):
     os.close(reading)
     with serving_in_thread(path, auto="succeeded"):
         command = [sys.executable, "-m", "daemon.cli.main", "goto", "1", "0", "-5", "--socket", str(path)]
-        done = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, timeout=60)
+        done = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, timeout=120)
     os.close(writing)
     assert done.returncode == 0
     assert done.stderr.count("\n") == 1 and "the output cannot be written (Broken pipe)" in done.stderr
@@ -67,7 +67,7 @@ output.prepare()
 demo._show([demo_flight.Row("goal", "preempted", "preempted", 1.0, None, None, 0.1, 10.0)])
 """
     monkeypatch.setenv("PYTHONIOENCODING", "ascii")
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert "preempted" in done.stdout
 
@@ -87,7 +87,7 @@ sys.argv = ["flightd", "status", "--socket", "/nowhere"]
 from daemon.cli.main import main
 main()
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
 
 

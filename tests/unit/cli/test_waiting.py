@@ -33,7 +33,7 @@ def test_whoever_waits_for_a_daemon_that_does_not_answer_is_told(flightd, silent
     if command[0] == "goto":  # the first asks to cancel what may have been accepted
         assert "canceling" in process.stderr.readline()
         process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=30)
+    _, err = process.communicate(timeout=120)
     assert process.returncode == (0 if command == ["watch"] else 130)
     assert "what was asked for goes on" in err or command == ["watch"]
 
@@ -47,7 +47,7 @@ def test_a_second_interrupt_says_that_the_cancel_was_sent(flightd, path):
         process.send_signal(signal.SIGINT)
         daemon.wait_until(lambda: asked)
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=30)
+        _, err = process.communicate(timeout=120)
     assert process.returncode == 130
     assert "the cancel was sent" in err and "goes on" not in err
 
@@ -102,5 +102,5 @@ def test_a_goal_that_was_aborted_says_why_in_words(flightd, path, reason, words)
         process = flightd.start("goto", 1, 0, -5)
         daemon.wait_until(lambda: daemon.active is not None)
         daemon.loop.call_soon_threadsafe(daemon.end, daemon.active, "aborted", None, reason)
-        out, _ = process.communicate(timeout=30)
+        out, _ = process.communicate(timeout=120)
     assert words in out and "`flightd status` tells" in out

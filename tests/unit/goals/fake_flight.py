@@ -13,6 +13,7 @@ from daemon.goals.service import Identity
 from daemon.goals.session import Session
 from daemon.goals.sockets import Operators, listen
 
+PATIENCE_S = 60.0
 CEILING_M = 120.0
 LOOP = {"rate_hz": 100.0, "period_p99_ms": 10.4, "late": 0, "missed": 0}
 SETTING = {"path": "guidance.limits.speed_m_s", "value": 5.0, "min": 0.1, "max": 25.0, "unit": "m/s", "settable": True}

@@ -3,7 +3,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from fake_flight import serving
+from fake_flight import PATIENCE_S, serving
 
 from daemon.goals.client import FlightClient
 from daemon.goals.client_errors import (
@@ -102,7 +102,7 @@ async def test_comes_back_to_a_daemon_that_was_restarted(path):
         goal = await client.goto(1, 0, -5)
     async with serving(path, prefix="b"):
         assert (await client.status())["state"] == "ready"
-        result = await asyncio.wait_for(goal.result(), 10)
+        result = await asyncio.wait_for(goal.result(), PATIENCE_S)
         assert result.outcome == "aborted"
         assert result.reason == "the daemon does not know it any more: it was restarted, or newer goals took its place"
     await client.close()
@@ -157,7 +157,7 @@ async def test_event_that_comes_with_the_reply_to_the_subscription_is_not_lost(p
 
         daemon.hub.subscribe = subscribe_and_publish
         stream = flight.telemetry("events")
-        assert (await asyncio.wait_for(anext(stream), 10)).data["text"] == "at once"
+        assert (await asyncio.wait_for(anext(stream), PATIENCE_S)).data["text"] == "at once"
         await stream.aclose()
 
 
@@ -173,7 +173,7 @@ async def test_request_that_the_daemon_could_not_answer_by_its_id_is_refused_bef
     async with serving(path), FlightClient(path) as flight:
         for bad in (flight.goto(float("nan"), 0, -5), flight.path([[n, 0, -5] for n in range(9000)])):
             with pytest.raises(InvalidRequestError):
-                await asyncio.wait_for(bad, 10)
+                await asyncio.wait_for(bad, PATIENCE_S)
         assert (await flight.status())["state"] == "ready"
 
 
@@ -185,7 +185,7 @@ async def test_one_connection_too_many_is_told_as_the_daemon_said_it(path, monke
             with pytest.raises((ConnectionLostError, NoDaemonError), match="too many connections"):
                 await second.call("status.get")
             with pytest.raises(NoDaemonError, match="too many connections"):
-                await asyncio.wait_for(second.status(), 10)
+                await asyncio.wait_for(second.status(), PATIENCE_S)
 
 
 async def test_a_client_that_is_not_connected_says_so(path):
@@ -193,7 +193,7 @@ async def test_a_client_that_is_not_connected_says_so(path):
         client = FlightClient(path)
         for ask in (client.status(), client.send_pose([0, 0, 0], [1, 0, 0, 0]), anext(client.telemetry("state"))):
             with pytest.raises(NoDaemonError, match="not connected: use it in a `with` block"):
-                await asyncio.wait_for(ask, 10)
+                await asyncio.wait_for(ask, PATIENCE_S)
         async with client:
             assert (await client.status())["state"] == "ready"
 
@@ -201,7 +201,7 @@ async def test_a_client_that_is_not_connected_says_so(path):
 async def test_telemetry_of_no_topic_is_refused(path):
     async with serving(path), FlightClient(path) as flight:
         with pytest.raises(InvalidRequestError, match="topics"):
-            await asyncio.wait_for(anext(flight.telemetry()), 10)
+            await asyncio.wait_for(anext(flight.telemetry()), PATIENCE_S)
 
 
 async def test_numbers_may_be_numpys(path):
@@ -222,7 +222,7 @@ async def test_what_a_newer_daemon_tells_besides_is_left_out(path):
                                   "eta_s": 1.0, "wind_m_s": 3.0})  # fmt: skip
         record = daemon.records[goal.goal_id] | {"state": "done", "outcome": "succeeded", "wind_m_s": 3.0}
         daemon.hub.goal_result(record)
-        assert (await asyncio.wait_for(goal.result(), 10)).succeeded
+        assert (await asyncio.wait_for(goal.result(), PATIENCE_S)).succeeded
         assert goal.feedback.distance_m == 1.0
 
 
@@ -247,7 +247,7 @@ async def test_goals_of_two_clients_cross_and_each_learns_of_its_own(path):
 
         ours, theirs = await asyncio.gather(submit(first), submit(second))
         daemon.end(daemon.active)
-        results = [await asyncio.wait_for(goal.result(), 10) for goal in ours + theirs]
+        results = [await asyncio.wait_for(goal.result(), PATIENCE_S) for goal in ours + theirs]
         assert sorted(r.outcome for r in results) == ["preempted"] * 99 + ["succeeded"]
         assert [r.goal_id for r in results] == [g.goal_id for g in ours + theirs]
 
@@ -257,5 +257,5 @@ async def test_cancel_that_crosses_a_newer_goal_ends_each_once(path):
         old = await flight.goto(1, 0, -5)
         cancel, new = asyncio.ensure_future(old.cancel()), await flight.goto(2, 0, -5)
         await asyncio.wait([cancel])
-        assert (await asyncio.wait_for(old.result(), 10)).outcome in ("canceled", "preempted")
+        assert (await asyncio.wait_for(old.result(), PATIENCE_S)).outcome in ("canceled", "preempted")
         assert not new.done or (await new).outcome == "canceled"

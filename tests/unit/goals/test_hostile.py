@@ -7,7 +7,7 @@ import time
 from contextlib import asynccontextmanager
 
 import pytest
-from fake_flight import serving
+from fake_flight import PATIENCE_S, serving
 
 from daemon.goals import sockets
 from daemon.goals.errors import ErrorCode
@@ -26,7 +26,7 @@ async def connected(path):
 
     async def ask(line):
         writer.write(line if isinstance(line, bytes) else json.dumps(line).encode() + b"\n")
-        return json.loads(await asyncio.wait_for(reader.readline(), 10))
+        return json.loads(await asyncio.wait_for(reader.readline(), PATIENCE_S))
 
     try:
         yield reader, writer, ask
@@ -87,11 +87,11 @@ async def test_line_of_64_kib_is_taken_and_one_byte_more_is_not(path, length, co
         for begin in range(0, len(line), 7000):
             writer.write(line[begin : begin + 7000])
             await other(request("system.info"))  # meanwhile the piece has come
-        assert json.loads(await asyncio.wait_for(reader.readline(), 10)).get("error", {}).get("code") == code
+        assert json.loads(await asyncio.wait_for(reader.readline(), PATIENCE_S)).get("error", {}).get("code") == code
         if code is None:
             assert "result" in await ask(request("system.info"))
         else:
-            assert await asyncio.wait_for(reader.read(), 10) == b""
+            assert await asyncio.wait_for(reader.read(), PATIENCE_S) == b""
 
 
 async def test_lines_that_never_end_keep_nobody_from_asking(path):
@@ -205,7 +205,7 @@ async def test_a_cancel_does_not_wait_for_the_goals_of_others(path):
         writer.write(
             json.dumps(request("goal.submit", {"path": {"waypoints": [WAYPOINT]}}, id="slow")).encode() + b"\n"
         )
-        await asyncio.wait_for(hangs.wait(), 10.0)
+        await asyncio.wait_for(hangs.wait(), PATIENCE_S)
         await other(request("goal.cancel", id="cancel"))
         assert [record["outcome"] for record in daemon.records.values()] == ["canceled"]
         gate.set()
@@ -294,7 +294,7 @@ async def test_a_peer_that_cannot_be_asked_who_it_is_keeps_nobody_else_out(path,
     monkeypatch.setattr("daemon.goals.server.peer_of", peer_of)
     async with serving(path):
         reader, _ = await asyncio.open_unix_connection(str(path))
-        assert await asyncio.wait_for(reader.read(), 10.0) == b""
+        assert await asyncio.wait_for(reader.read(), PATIENCE_S) == b""
         async with connected(path) as (_, _, ask):
             assert "result" in await ask(request("system.info"))
 
@@ -306,4 +306,4 @@ async def test_one_who_is_cancelled_as_the_way_is_free_leaves_it_to_the_next():
     await asyncio.sleep(0)
     turnstile.leave()
     first.cancel()
-    await asyncio.wait_for(second, 1.0)
+    await asyncio.wait_for(second, PATIENCE_S)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import count
 
 import pytest
-from fake_flight import serving
+from fake_flight import PATIENCE_S, serving
 
 from daemon.goals import server as server_module
 from daemon.goals import session as session_module
@@ -32,7 +32,7 @@ class Raw:
             self.writer.write((message if isinstance(message, bytes) else json.dumps(message).encode()) + b"\n")
 
     async def line(self):
-        return json.loads(await asyncio.wait_for(self.reader.readline(), 10))
+        return json.loads(await asyncio.wait_for(self.reader.readline(), PATIENCE_S))
 
     async def ask(self, method, params=None, request_id=1):
         self.send(request(method, params, request_id))
@@ -111,7 +111,7 @@ async def test_submitter_who_also_subscribes_hears_each_result_once(path):
             heard = []
             while (message := await subscriber.line()).get("id") != "end":
                 heard.append(message["method"])
-            heard += [(await asyncio.wait_for(subscriber.line(), 1))["method"]] if not heard else []
+            heard += [(await asyncio.wait_for(subscriber.line(), PATIENCE_S))["method"]] if not heard else []
             assert heard == ["goal.result"]
 
 
@@ -196,7 +196,7 @@ async def test_all_that_a_client_sent_before_it_closed_is_done(path, monkeypatch
         client.connect(str(path))
         client.sendall(b"".join(json.dumps(line).encode() + b"\n" for line in lines))
         client.close()
-        async with raw(path) as other, asyncio.timeout(20):
+        async with raw(path) as other, asyncio.timeout(PATIENCE_S):
             while [name for name, _ in daemon.calls] != ["hold", "land"] or len(daemon.server._sessions) > 1:
                 await settle(other)
 
@@ -211,7 +211,7 @@ async def test_what_a_subscriber_that_does_not_read_sent_before_it_closed_is_don
             daemon.feedback("g-1")
         client.sendall(b"".join(json.dumps(request(f"vehicle.{name}")).encode() + b"\n" for name in ("hold", "land")))
         client.close()
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(PATIENCE_S):
             while [name for name, _ in daemon.calls] != ["submit", "hold", "land"]:
                 await settle(other)
 
@@ -231,7 +231,7 @@ async def test_what_a_client_that_is_gone_has_left_grows_stale(path, monkeypatch
         gone.check()
         gone.in_flight = 0
         daemon.server.ready(gone)
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(PATIENCE_S):
             while len(daemon.server._sessions) > 1:
                 await settle(other)
         assert [name for name, _ in daemon.calls] == (["hold"] if after_s > 0.0 else [])
@@ -242,7 +242,7 @@ async def test_half_closed_client_gets_its_replies_and_then_the_end(path):
         client.writer.write(json.dumps(request("status.get")).encode())
         client.writer.write_eof()
         assert (await client.line())["result"]["state"] == "ready"
-        assert await asyncio.wait_for(client.reader.read(), 10) == b""
+        assert await asyncio.wait_for(client.reader.read(), PATIENCE_S) == b""
 
 
 async def test_subscriber_gets_topics_at_its_rate(path):

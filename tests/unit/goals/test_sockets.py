@@ -153,7 +153,7 @@ assert listener is not None and str(listener.path) == sys.argv[1]
 listener.close()
 assert os.path.exists(sys.argv[1]), "systemd keeps its path"
 """
-    subprocess.run([sys.executable, "-c", script, str(tmp_path / "s")], check=True, timeout=30)
+    subprocess.run([sys.executable, "-c", script, str(tmp_path / "s")], check=True, timeout=120)
 
 
 @pytest.mark.parametrize("environ", [{}, {"LISTEN_PID": "1", "LISTEN_FDS": "1"}, {"LISTEN_PID": "x"}])

@@ -51,7 +51,7 @@ def listening(count: int) -> Any:
             socks = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(count)]
             for index, sock in enumerate(socks):
                 sock.bind(("127.0.0.1", first + index))
-                sock.settimeout(5.0)
+                sock.settimeout(60.0)
             yield first, socks
             return
 
@@ -154,7 +154,7 @@ async def test_the_control_socket_answers_each_line_and_goes_with_the_server(tmp
     path = tmp_path / "control.sock"
     with listening(1) as (port, _):
         async with running(MavlinkServer([Chatter()], port=port, control_path=path, on_request=handler)):
-            async with asyncio.timeout(20.0):
+            async with asyncio.timeout(60.0):
                 while not path.exists():  # noqa: ASYNC110  # the file system tells nobody
                     await asyncio.sleep(0.01)
                 reader, writer = await asyncio.open_unix_connection(path)
