@@ -23,21 +23,25 @@ TROUBLED = Path(__file__).parent / "troubled_daemon.py"
 FLIGHTD = (sys.executable, "-m", "daemon.cli.main")
 
 
-_WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-_PORTS, _FIRST_PORT = 600, 20000 + 600 * (_WORKER % 20)
-_numbers = itertools.count(4 * os.getpid(), 4)  # the next three are for further vehicles
+_taken: list[socket.socket] = []
+_numbers = itertools.count(97 * os.getpid())
 
 
 def free_udp_port() -> int:
-    """A port of loopback that nobody has; nor gets it from the kernel (those begin at 32768), or in another worker.
+    """A port of loopback that nobody has, gets from the kernel (those begin at 32768), or from here in another process.
 
-    A simulator sends to it before anybody listens: who gets it meanwhile would hear a strange vehicle.
+    A simulator sends to it before anybody listens: who gets it meanwhile would hear a strange vehicle. The next three
+    are for further vehicles. A name in the kernel keeps it for the life of this process.
     """
     while True:
-        port = _FIRST_PORT + next(_numbers) % _PORTS
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock, contextlib.suppress(OSError):
-            sock.bind(("127.0.0.1", port))
+        port = 20000 + 4 * (next(_numbers) % 3000)
+        name, probe = socket.socket(socket.AF_UNIX), socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        with probe, contextlib.suppress(OSError):
+            name.bind(f"\0flightd/tests/{port}")
+            probe.bind(("127.0.0.1", port))
+            _taken.append(name)
             return port
+        name.close()
 
 
 def events_of(log_file: Path) -> list[dict[str, Any]]:
