@@ -12,6 +12,7 @@ from typing import Any
 
 from daemon import frames
 from daemon.goals.client import FlightClient
+from daemon.goals.client_errors import WrongStateError
 from daemon.messages import FlightMode, Setpoint
 from daemon.sim.airframe_files import load
 from daemon.sim.mavlink_server import MavlinkServer
@@ -75,7 +76,17 @@ async def take(flight: FlightClient, seen: Air) -> None:
     """Take the vehicle that is found in the air."""
     await until(flight, lambda status: status["state"] == "pilot" and status["vehicle"] is not None)
     await seen.passes(1.0)
-    await flight.engage()
+    await engaged(flight)
+
+
+async def engaged(flight: FlightClient) -> None:
+    """Engage; again where that is refused, for on a busy machine the estimate may be old at the moment."""
+    async with asyncio.timeout(PATIENCE_S):
+        while True:
+            with suppress(WrongStateError):
+                await flight.engage()
+                return
+            await asyncio.sleep(0.1)
 
 
 async def state_of(child: Child) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from daemon.goals.client import FlightClient
 from daemon.messages import FlightMode
 from daemon.sim.faults import PilotTakesOver
+from support.air import engaged
 from support.fault_live import LiveCase, Scene
 from support.processes import troubled_daemon, until
 
@@ -30,7 +31,7 @@ async def _blocked_then_engaged(scene: Scene) -> None:
     scene.signal(signal.SIGUSR1)
     await scene.air.passes(5.5)
     await scene.look()
-    await scene.flight.engage()
+    await engaged(scene.flight)
     assert scene.air.px4.mode is OFFBOARD, "who asks for it gets the vehicle again"
 
 
@@ -57,7 +58,7 @@ async def _killed_and_restarted(scene: Scene) -> None:
         await scene.air.passes(2.0)
         assert (len(scene.air.sent), scene.air.px4.mode) == (sent, RETURN), "it touches nothing"
         await flight.hold()
-        await flight.engage()
+        await engaged(flight)
         assert scene.air.px4.mode is OFFBOARD
         await flight.hold()
 
