@@ -117,7 +117,7 @@ async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Li
         control.watchers.add("recorder", lambda inputs, record: recorder.tick(control.state, inputs, record))
     operators = Operators(uids=frozenset(config.goals.operator_uids), gids=frozenset(config.goals.operator_gids))
     server = GoalServer(service, hub, operators, vehicle.gate.check_gap)
-    vehicle.gate.gap_listeners.append(server.stood_still)
+    vehicle.forgetters.append(server.stood_still)
     tasks = asyncio.ensure_future(vehicle.run())
     dead_man.start()
     await server.start(listener)

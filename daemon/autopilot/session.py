@@ -11,6 +11,7 @@ from math import inf, isfinite
 
 from daemon.autopilot import decode, events, param_reads, status_messages, streams
 from daemon.autopilot.acks import CommandAcks, Done, ModeAcks
+from daemon.autopilot.arrivals import QUIET_S, Arrivals
 from daemon.autopilot.ordering import Order, SampleOrder
 from daemon.autopilot.port import CommandTimeoutError, NotConnectedError
 from daemon.autopilot.px4 import (
@@ -37,9 +38,7 @@ from daemon.messages import (
 SAMPLES = ("ODOMETRY", "HIGHRES_IMU")
 _EVENTS_KEPT = 64
 _PARAM_DOES_NOT_EXIST = 1  # MAV_PARAM_ERROR; any other may be gone when asked again
-_QUIET_S = 0.2  # ODOMETRY alone comes every 10 ms
 _ASK_MODE_AGAIN_S = 0.1
-_UNANSWERED_S = 5.0  # what waited comes in a burst, its answer behind it: longer than any buffer takes to drain
 _REASON_UPDATE_S = 0.2  # an EVENT that explains a refusal comes within a few ms of the ack; generous
 
 
@@ -60,10 +59,7 @@ class Px4Session:
 
     ``connected`` needs messages that keep coming and a HEARTBEAT of PX4 since they do, so that mode and armed state
     are never older than the connection. ``malformed`` counts messages that could not be read, by name.
-
-    What comes after a silence may have waited, in a radio or, when we stood still, in our own socket: it tells of the
-    past, until TIMESYNC answers a request that was sent since. An autopilot that never answered one is believed, and
-    so is one that does not while messages flow for ``_UNANSWERED_S``; ``slow_streams`` tells of both.
+    ``heard`` and ``connected`` count only what is of now (``Arrivals``); ``slow_streams`` tells when TIMESYNC fails it.
     """
 
     def __init__(self, params: SessionParams | None = None) -> None:
@@ -76,8 +72,7 @@ class Px4Session:
         self.monitor = streams.StreamMonitor()
         self.malformed: dict[str, int] = {}
         self._events: deque[str] = deque(maxlen=_EVENTS_KEPT)
-        self._last_arrival_s = -inf
-        self._silence_ended_s = -inf
+        self._arrivals = Arrivals()
         self._mode_asked_s = -inf
         self._flowing = False
         self._order = SampleOrder()
@@ -143,7 +138,7 @@ class Px4Session:
         order = self._order.judge(name, sample.stamp_us, now_s)
         if order is not Order.NEWER:
             return order is Order.OVERTAKEN
-        self._end_silence(now_s)
+        self._arrivals.note(now_s)
         self.monitor.count(name)
         if isinstance(sample, Odometry):
             self.odometry.set(sample)
@@ -153,7 +148,7 @@ class Px4Session:
 
     def poll(self, now_s: float) -> None:
         """Time passes: notice a lost link, repeat what was not answered. Call it every 0.1 s or so."""
-        silent = now_s - self._last_arrival_s > self.params.link_timeout_s
+        silent = self._arrivals.silent_for(self.params.link_timeout_s, now_s)
         if not self._flowing and not silent:
             self._begin_flow(now_s)  # samples alone came back, by the hot path
         elif self._flowing and silent:
@@ -175,7 +170,7 @@ class Px4Session:
 
     def _listen(self, now_s: float) -> None:
         """Notice a silence; as it ends ask for the mode, told within 0.5 s by itself, and for what proves it of now."""
-        quiet = now_s - self._last_arrival_s > _QUIET_S
+        quiet = self._arrivals.silent_for(QUIET_S, now_s)
         heard = self.status.value.heard
         if heard and (quiet or not self._of_now):
             self._update(heard=False)
@@ -183,8 +178,8 @@ class Px4Session:
             self._ask_what_is_now(now_s)
 
     def stood_still(self, now_s: float) -> None:
-        """What has come, and waits for us, tells of the past. A suspended machine's clock may not have seen it pass."""
-        self._silence_ended_s = now_s
+        """What has come, and waits for us, tells of the past."""
+        self._arrivals.stood_still(now_s)
         self._update(heard=False)
         self.monitor.begin(now_s)
         if self._flowing:
@@ -258,22 +253,13 @@ class Px4Session:
         self.malformed[name] = self.malformed.get(name, 0) + 1
 
     def _note_arrival(self, now_s: float) -> None:
-        self._end_silence(now_s)
+        self._arrivals.note(now_s)
         if not self._flowing:
             self._begin_flow(now_s)
 
-    def _end_silence(self, now_s: float) -> None:
-        since_s = max(self._last_arrival_s, self._silence_ended_s)
-        if now_s - since_s > _QUIET_S and self._last_arrival_s > -inf:
-            self._silence_ended_s = now_s
-        self._last_arrival_s = now_s
-
     @property
     def _of_now(self) -> bool:
-        """What comes has not waited since before the last silence ended."""
-        answered_s = self._time_sync.answered_s
-        unanswered_s = self._last_arrival_s - self._silence_ended_s
-        return answered_s == -inf or answered_s >= self._silence_ended_s or unanswered_s > _UNANSWERED_S
+        return self._arrivals.of_now(self._time_sync.answered_s)
 
     def _begin_flow(self, now_s: float) -> None:
         self._flowing = True

@@ -86,7 +86,7 @@ class GoalServer:
         for session in list(self._sessions):
             session.abort()
 
-    def stood_still(self, _gap_s: float) -> None:
+    def stood_still(self) -> None:
         """What waits in the sockets now was sent before or while the daemon stood still."""
         for session in self._sessions:
             session.stood_still()

@@ -24,6 +24,7 @@ from daemon.settings import Config
 
 RELEASE_S = 1.2
 HOLD_TRIES, HOLD_PAUSE_S = 4, 0.1
+FORGOTTEN_S = 1.0  # after a longer standstill nobody expects that what was asked before is still done
 
 log = logs.get("vehicle")
 
@@ -31,7 +32,8 @@ log = logs.get("vehicle")
 class Vehicle:
     """Cells, tasks and the commander. ``alarm`` makes what wakes a grid: timerfd live, loop timer in virtual time.
 
-    ``clock`` is what tells the gate of a gap: it goes on while the machine is suspended.
+    ``clock`` tells the gate of a gap: it goes on while the machine is suspended. ``forgetters`` are called after
+    a standstill of more than ``FORGOTTEN_S``: what was asked before it neither takes nor moves the vehicle.
     """
 
     def __init__(
@@ -75,6 +77,7 @@ class Vehicle:
             autopilot, self.gate, self.record, self.request, CommandTimeouts(), self.flown.cannot_hover
         )
         self.control.listeners.append(self.commander.on_control_tick)
+        self.forgetters: list[Callable[[], None]] = [self.commander.stood_still]
         self.health = HealthTask(self, Grid(0.2, alarm()))
 
     @property
@@ -127,8 +130,10 @@ class Vehicle:
 
     def _stood_still(self, gap_s: float) -> None:
         self.autopilot.stood_still()
-        self.commander.stood_still()
         log.warning("stood_still", seconds=round(gap_s, 2))
+        if gap_s > FORGOTTEN_S:
+            for forget in self.forgetters:
+                forget()
 
     @property
     def stopping(self) -> bool:

@@ -39,7 +39,7 @@ class Client:
 
 def stand_still(flight):
     flight.standstills += 1
-    flight.server.stood_still(20.0)
+    flight.server.stood_still()
 
 
 async def settled():
