@@ -111,14 +111,20 @@ def sharing(start: Reference, heading_rad: float, limits: MotionLimits) -> Itera
         yield _input(velocity, acceleration, start, limits, (speed_share, pushing, _JERK_SHARE))
 
 
-def unaccelerated(start: Reference, limits: MotionLimits) -> tuple[float, ruckig.InputParameter]:
-    """The direction of the start's acceleration, and how that is taken back with the whole jerk; all else is braked."""
-    x, y, down = start.acceleration_ned_m_s2
-    heading_rad, pushing = atan2(y, x), hypot(x, y)
+def changing(
+    start: Reference, velocity_m_s: tuple[float, float], limits: MotionLimits
+) -> tuple[float, ruckig.InputParameter]:
+    """The direction in which the start's velocity changes to another one, and the change with the whole bounds.
+
+    The start accelerates horizontally along that direction, or not at all. Height and heading are braked.
+    """
+    north, east = (wanted - now for wanted, now in zip(velocity_m_s, start.velocity_ned_m_s, strict=False))
+    heading_rad = atan2(east, north)
     velocity = rotate_about_down(start.velocity_ned_m_s, -heading_rad)
-    found = _input(velocity, (pushing, 0.0, down), start, limits, (0.0, 0.0, 0.0))
+    along, _, down = rotate_about_down(start.acceleration_ned_m_s2, -heading_rad)
+    found = _input(velocity, (along, 0.0, down), start, limits, (0.0, 0.0, 0.0))
     found.control_interface, found.synchronization = ruckig.ControlInterface.Velocity, ruckig.Synchronization.No
-    found.target_velocity = [velocity[0] + 0.5 * pushing * pushing / limits.jerk_m_s3, velocity[1], 0.0, 0.0]
+    found.target_velocity = [velocity[0] + hypot(north, east), velocity[1], 0.0, 0.0]
     return heading_rad, found
 
 

@@ -1,35 +1,38 @@
 """Time-optimal motion with bounded jerk as plans: to a goal, or to a hover.
 
 Straight ahead a goal is one motion, as quick as the bounds allow. A start that moves or accelerates sideways is first
-brought onto the line to the goal, or to a stop, within bounds that along and across share; then it goes straight on
-with the whole bounds. The quickest of these ways is taken. It is not quite the optimum: turning without coming back
-onto the line would save some percent.
+brought onto the line to the goal, within bounds that along and across share, or its velocity is turned until the goal
+lies straight ahead, to one of some speeds or to a stop, after its acceleration has been taken back; then it goes
+straight on with the whole bounds. The quickest of these ways is taken.
 """
 
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 from math import atan2, cos, hypot, sin
 
 import ruckig
 
-from daemon.frames import add, norm, wrap_pi
+from daemon.frames import add, norm, subtract, wrap_pi
 from daemon.guidance.bounded_motion import (
     Motion,
+    changing,
     goes_sideways,
     keeps,
     sharing,
     solve,
     straight,
     travel_heading,
-    unaccelerated,
 )
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.plan import Plan, straights
+from daemon.guidance.velocity_turn import unaccelerated, velocity_towards
 from daemon.messages import ZERO3, Reference, Vec3
 
 _Goal = tuple[Vec3, float]  # place and heading
+
+_SPEEDS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # of the bound, that a velocity is turned to on the way to a goal
 
 _POSITION, _VELOCITY = ruckig.ControlInterface.Position, ruckig.ControlInterface.Velocity
 _NO_SYNC, _IN_PHASE = ruckig.Synchronization.No, ruckig.Synchronization.Phase
@@ -98,14 +101,13 @@ def to_goal(start: Reference, position_ned_m: Vec3, yaw_rad: float, limits: Moti
     """The quickest way from a flown reference to rest at a goal, heading the shorter way; None if there is none."""
     goal = (position_ned_m, yaw_rad)
     heading = _heading_to(position_ned_m, start)
+    turns: Iterable[tuple[tuple[Motion, ...], float]] = (((), heading),)
+    if goes_sideways(start, heading):
+        turns = (*_onto_line(goal, start, heading, limits), *_curves(goal, start, limits))
     found: list[tuple[Motion, ...]] = []
-    if not goes_sideways(start, heading):
-        motion = _straight_to(goal, start, heading, limits)
-        found += [] if motion is None else [(motion,)]
-    else:
-        for first, onward in _turns(goal, start, heading, limits):
-            last = _straight_to(goal, first.at(first.end_s), onward, limits)
-            found += [] if last is None else [(first, last)]
+    for turn, onward in turns:
+        last = _straight_to(goal, _after(turn, start), onward, limits)
+        found += [] if last is None else [(*turn, last)]
     if not found:
         return None
     return JerkLimitedPlan(min(found, key=lambda motions: motions[-1].end_s), limits, goal)
@@ -122,11 +124,9 @@ def to_hover(start: Reference, limits: MotionLimits) -> JerkLimitedPlan | None:
         motion = _hovering(wanted, start, heading)
         if motion is not None and keeps(wanted, motion, start, limits):
             return JerkLimitedPlan((motion,), limits, None)
-    heading, wanted = unaccelerated(start, limits)
-    whole = _solved(wanted, start, heading)
-    if whole is None:
+    first = _changed(start, unaccelerated(start, limits), limits)
+    if first is None:
         return None
-    first = replace(whole, duration_s=whole.trajectory.independent_min_durations[0])
     onward = first.at(first.end_s)
     heading = travel_heading(onward)
     last = _hovering(straight(onward, heading, limits), onward, heading)
@@ -162,24 +162,56 @@ def _straight_to(goal: _Goal, start: Reference, heading_rad: float, limits: Moti
     return _solved(wanted, start, heading_rad)
 
 
-def _turns(goal: _Goal, start: Reference, heading_rad: float, limits: MotionLimits) -> Iterator[tuple[Motion, float]]:
-    """Ways to take the sideways motion out, and the direction after each: onto the line to the goal, or to a stop.
-
-    Height and heading go to the goal's meanwhile.
-    """
-    for interface, heading in ((_POSITION, heading_rad), (_VELOCITY, travel_heading(start))):
-        for wanted in sharing(start, heading, limits):
-            wanted.per_dof_control_interface = [interface, interface, _POSITION, _POSITION]
-            wanted.target_position = _offset(goal, start, heading)
-            wanted.synchronization = _NO_SYNC
-            whole = _solved(wanted, start, heading)
-            if whole is None:
-                continue
-            along_s, across_s = whole.trajectory.independent_min_durations[:2]
-            turn = replace(whole, duration_s=across_s if interface is _POSITION else max(along_s, across_s))
+def _onto_line(
+    goal: _Goal, start: Reference, heading_rad: float, limits: MotionLimits
+) -> Iterator[tuple[tuple[Motion, ...], float]]:
+    """Ways to come onto the line to the goal, and its direction; height and heading go to the goal's meanwhile."""
+    for wanted in sharing(start, heading_rad, limits):
+        wanted.per_dof_control_interface = [_POSITION] * 4
+        wanted.target_position = _offset(goal, start, heading_rad)
+        wanted.synchronization = _NO_SYNC
+        whole = _solved(wanted, start, heading_rad)
+        if whole is not None:
+            turn = replace(whole, duration_s=whole.trajectory.independent_min_durations[1])
             if keeps(wanted, turn, start, limits):
-                onward = heading if interface is _POSITION else _heading_to(goal[0], turn.at(turn.end_s))
-                yield turn, onward
+                yield (turn,), heading_rad
+
+
+def _curves(goal: _Goal, start: Reference, limits: MotionLimits) -> Iterator[tuple[tuple[Motion, ...], float]]:
+    """Ways to turn the velocity towards the goal, or to a stop, and the direction after each."""
+    begun: tuple[Motion, ...] = ()
+    if hypot(*start.acceleration_ned_m_s2[:2]) > 0.0:
+        first = _changed(start, unaccelerated(start, limits), limits, goal)
+        if first is None:
+            return
+        begun = (first,)
+    now = _after(begun, start)
+    (vx, vy, _), (x, y, _) = now.velocity_ned_m_s, subtract(goal[0], now.position_ned_m)
+    for share in _SPEEDS:
+        wanted = velocity_towards((vx, vy), (x, y), share * limits.speed_m_s, limits) if share > 0.0 else (0.0, 0.0)
+        turn = wanted and _changed(now, wanted, limits, goal)
+        if turn is None:
+            continue
+        after = turn.at(turn.end_s)
+        onward = _heading_to(goal[0], after)
+        if not goes_sideways(after, onward):
+            yield (*begun, turn), onward
+
+
+def _changed(
+    start: Reference, velocity_m_s: tuple[float, float], limits: MotionLimits, goal: _Goal | None = None
+) -> Motion | None:
+    """The change to a horizontal velocity; height and heading are braked, or go to a goal's."""
+    heading, wanted = changing(start, velocity_m_s, limits)
+    if goal is not None:
+        wanted.per_dof_control_interface = [_VELOCITY, _VELOCITY, _POSITION, _POSITION]
+        wanted.target_position = _offset(goal, start, heading)
+    whole = _solved(wanted, start, heading)
+    return None if whole is None else replace(whole, duration_s=whole.trajectory.independent_min_durations[0])
+
+
+def _after(motions: tuple[Motion, ...], start: Reference) -> Reference:
+    return motions[-1].at(motions[-1].end_s) if motions else start
 
 
 def _solved(wanted: ruckig.InputParameter, start: Reference, heading_rad: float) -> Motion | None:

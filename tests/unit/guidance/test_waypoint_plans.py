@@ -251,6 +251,45 @@ def test_brake_stops_within_limits_and_holds(
     assert after.yaw_rate_rad_s == 0.0
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_moving_start_turns_to_its_goal_within_the_limits_and_sooner_than_by_stopping(
+    checks: SimpleNamespace, seed: int
+) -> None:
+    limits, rng, parameters = MotionLimits(), Random(seed), GuidanceParameters(profile=Profile.JERK_LIMITED)
+    took_s = stopping_s = 0.0
+    for _ in range(60):
+        way, push = rng.uniform(-pi, pi), rng.uniform(-pi, pi)
+        speed, pushing = rng.uniform(1.0, 4.5), rng.uniform(0.0, 3.0)
+        start = Reference(
+            time_s=3.0,
+            position_ned_m=ZERO3,
+            velocity_ned_m_s=(speed * cos(way), speed * sin(way), rng.uniform(-1.0, 1.0)),
+            acceleration_ned_m_s2=(pushing * cos(push), pushing * sin(push), 0.0),
+        )
+        goal = (rng.choice((2.0, 10.0, 40.0, 100.0)), 0.0, rng.uniform(-3.0, 3.0))
+        flown = plan(start, to(goal), limits, parameters)
+        checks.continuous(start, flown.sample(3.0))
+        spacing_s = (flown.end_s - 3.0) / 400.0
+        for i in range(400):
+            before, after = flown.sample(3.0 + i * spacing_s), flown.sample(3.0 + (i + 1) * spacing_s)
+            checks.within(limits, before)
+            change = limits.jerk_m_s3 * spacing_s * (1.0 + 1e-6) + 1e-6
+            assert dist(before.acceleration_ned_m_s2[:2], after.acceleration_ned_m_s2[:2]) <= change
+        assert dist(flown.sample(flown.end_s - 1e-9).position_ned_m, goal) < 1e-6
+        stopped = brake(start, limits)
+        onward = plan(replace(stopped.target, time_s=stopped.end_s), to(goal), limits, parameters)
+        assert flown.end_s <= onward.end_s + 0.5
+        took_s, stopping_s = took_s + flown.end_s - 3.0, stopping_s + onward.end_s - 3.0
+    assert took_s < 0.93 * stopping_s
+
+
+def test_a_goal_to_the_side_is_flown_to_without_stopping() -> None:
+    start = Reference(0.0, ZERO3, velocity_ned_m_s=(5.0, 0.0, 0.0))
+    parameters = GuidanceParameters(profile=Profile.JERK_LIMITED)
+    flown = plan(start, to((0.0, 40.0, 0.0)), MotionLimits(), parameters)
+    assert min(hypot(*flown.sample(0.1 * i).velocity_ned_m_s) for i in range(80)) > 2.0
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_brake_keeps_whatever_limits_the_start_can_keep(checks: SimpleNamespace, seed: int) -> None:
     """Over the whole range of settings; a start can keep them when taking its acceleration back leads to no excess."""
