@@ -61,8 +61,7 @@ def waits(log_file: Path) -> list[str]:
 
 
 async def fly_everything(folder: Path) -> None:
-    environ = {"STATE_DIRECTORY": str(folder)}
-    async with air() as seen, troubled_daemon(folder, seen.connection, environ=environ) as child:
+    async with air() as seen, troubled_daemon(folder, seen.connection) as child:
         assert child.socket is not None
         async with FlightClient(child.socket) as flight:
             await take(flight, seen)

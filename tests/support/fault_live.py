@@ -160,7 +160,7 @@ async def _strike(case: LiveCase, folder: Path) -> LiveSeen:
         seen = await stack.enter_async_context(air())
         systemd = Systemd(folder / "notify", lambda: seen.now_s)
         stack.callback(systemd.close)
-        environ = {"NOTIFY_SOCKET": str(systemd.path), "STATE_DIRECTORY": str(folder)}
+        environ = {"NOTIFY_SOCKET": str(systemd.path)}
         pipe = LogPipe() if case.pipe else None
         child = await stack.enter_async_context(
             troubled_daemon(

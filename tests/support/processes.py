@@ -1,4 +1,4 @@
-"""flightd's commands as child processes, on loopback ports and sockets of their own; always stopped."""
+"""flightd's commands as child processes, on ports, sockets and folders of their own; always stopped."""
 
 import asyncio
 import contextlib
@@ -85,7 +85,7 @@ async def start(tmp_path: Path, name: str, *args: str, environ: dict[str, str] |
             stdin=asyncio.subprocess.DEVNULL,
             stdout=log,
             stderr=log,
-            env={**os.environ, **(environ or {})},
+            env={**os.environ, "STATE_DIRECTORY": str(tmp_path), **(environ or {})},
         )
     return Child(process, log_file)
 
@@ -127,7 +127,8 @@ async def troubled_daemon(
         process = await asyncio.create_subprocess_exec(
             sys.executable, str(TROUBLED), connection, str(path), *([] if config is None else [str(config)]),
             stdin=asyncio.subprocess.DEVNULL, stdout=log, stderr=log if stderr is None else stderr,
-            env={**os.environ, "TROUBLE": trouble, "BLOCK_S": str(block_s), **(environ or {})},
+            env={**os.environ, "STATE_DIRECTORY": str(tmp_path), "TROUBLE": trouble, "BLOCK_S": str(block_s),
+                 **(environ or {})},
         )  # fmt: skip
     child = Child(process, log_file, path)
     async with running(child):
