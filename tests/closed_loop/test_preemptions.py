@@ -25,6 +25,7 @@ HEADINGS: tuple[Any, ...] = ("fixed", "target", "velocity", {"point": [0.0, 0.0,
 REFERENCE_PERIOD_S = 0.03
 SEAM = 1e-6
 SEED = int(os.environ.get("FLIGHTD_SEED", "20"))
+GOALS = 1000 if int(os.environ.get("FLIGHTD_SOAK", "1")) >= 100 else 300
 TILT_OVER_RAD = radians(1.0)  # the vehicle answers the tilt guard with a lag
 
 
@@ -160,16 +161,16 @@ def assert_within_limits(flight: Flight, since: int) -> None:
         assert frames.tilt_of(record.predicted.attitude_wb) <= radians(control.tilt_max_deg) + TILT_OVER_RAD
 
 
-def test_a_thousand_goals_preempt_each_other_at_random_times() -> None:
+def test_hundreds_of_goals_preempt_each_other_at_random_times() -> None:
     async def scenario(flight: Flight) -> None:
         await flight.airborne(10.0)
         await flight.result(await flight.goto(0.0, 0.0, -10.0))
         flight.ended.clear()
         since = len(flight.records)
-        seen = await replace_goals(flight, Random(SEED), 1000)
+        seen = await replace_goals(flight, Random(SEED), GOALS)
         await flight.result(seen.taken[-1], 200.0)
         assert_one_result_each(flight, seen)
-        assert min(seen.kinds.values()) > 50, seen.kinds
+        assert min(seen.kinds.values()) > GOALS / 20, seen.kinds
         assert_continuous(flight.records[since:], flight.vehicle.parameters.value.limits)
         assert_within_limits(flight, since)
 

@@ -15,7 +15,7 @@ from daemon.goals.client import FlightClient
 from daemon.goals.client_errors import RequestError
 from daemon.goals.hub import TOPICS
 
-CORNERS = [[6.0, 0.0, -HEIGHT_M], [6.0, 6.0, -HEIGHT_M - 1.0], [0.0, 6.0, -HEIGHT_M]]
+CORNERS = [[3.0, 0.0, -HEIGHT_M], [3.0, 3.0, -HEIGHT_M - 1.0], [0.0, 3.0, -HEIGHT_M]]
 CENTER = {"center": [0.0, 0.0, -HEIGHT_M], "speed_m_s": 2.0}
 TRAJECTORIES: tuple[dict[str, Any], ...] = (
     {"kind": "circle", "radius_m": 2.0, **CENTER},
