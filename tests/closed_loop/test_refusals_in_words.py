@@ -1,5 +1,7 @@
 """What the autopilot does not do is told by the name of the request and in words that help, each of them once."""
 
+from typing import Any
+
 import pytest
 from support.flight import CALLER, Flight, fly
 
@@ -9,6 +11,7 @@ from daemon.messages import FlightMode
 from daemon.safety.supervisor import State
 from daemon.sim.faults import ModesRefused, NoAcks
 
+ARM = 400  # MAV_CMD_COMPONENT_ARM_DISARM
 DID_NOT_ENGAGE = "the autopilot did not go to offboard within 2 s (temporarily rejected"
 
 
@@ -45,10 +48,26 @@ def test_a_refused_engage_says_what_the_autopilot_did_not_do() -> None:
     fly(scenario)
 
 
-def test_a_command_without_acknowledgement_is_named() -> None:
+def test_a_command_that_shows_needs_no_acknowledgement() -> None:
     async def scenario(flight: Flight) -> None:
         await _on_ground(flight)
         flight.px4.inject(NoAcks())
+        await flight.service.vehicle_arm(NoParams(), CALLER)
+        assert flight.px4.armed
+
+    fly(scenario)
+
+
+def test_a_command_without_acknowledgement_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def scenario(flight: Flight) -> None:
+        await _on_ground(flight)
+        receive = flight.px4.receive
+
+        def without_commands(name: str, fields: dict[str, Any], **sender: int) -> None:
+            if fields.get("command") != ARM:
+                receive(name, fields, **sender)
+
+        monkeypatch.setattr(flight.px4, "receive", without_commands)
         with pytest.raises(ProtocolError) as error:
             await flight.service.vehicle_arm(NoParams(), CALLER)
         assert error.value.code is ErrorCode.TIMED_OUT
