@@ -110,27 +110,41 @@ def to_goal(start: Reference, position_ned_m: Vec3, yaw_rad: float, limits: Moti
         found += [] if last is None else [(*turn, last)]
     if not found:
         return None
-    return JerkLimitedPlan(min(found, key=lambda motions: motions[-1].end_s), limits, goal)
+    return JerkLimitedPlan(min(found, key=_ends_s), limits, goal)
 
 
 def to_hover(start: Reference, limits: MotionLimits) -> JerkLimitedPlan | None:
     """A quick motion from a flown reference to rest, wherever that is; None only if the start is not finite.
 
-    Where no sharing of the bounds fits, the acceleration is taken back along itself before the start is braked. That
-    passes no limit which could be kept: speed is the most where it begins or where it ends.
+    A start that goes sideways is braked within bounds that along and across share, or its acceleration is taken back
+    along itself and then it is braked straight, whichever is quicker. The second passes no limit that could be kept:
+    speed is the most where it begins or where it ends.
     """
     heading = travel_heading(start)
+    found: list[tuple[Motion, ...]] = []
     for wanted in sharing(start, heading, limits):
         motion = _hovering(wanted, start, heading)
         if motion is not None and keeps(wanted, motion, start, limits):
-            return JerkLimitedPlan((motion,), limits, None)
+            found.append((motion,))
+            break
+    if goes_sideways(start, heading):
+        found += _levelled_first(start, limits)
+    return JerkLimitedPlan(min(found, key=_ends_s), limits, None) if found else None
+
+
+def _levelled_first(start: Reference, limits: MotionLimits) -> list[tuple[Motion, ...]]:
+    """A brake that takes the acceleration back first, if there is one."""
     first = _changed(start, unaccelerated(start, limits), limits)
     if first is None:
-        return None
-    onward = first.at(first.end_s)
+        return []
+    onward = _after((first,), start)
     heading = travel_heading(onward)
     last = _hovering(straight(onward, heading, limits), onward, heading)
-    return None if last is None else JerkLimitedPlan((first, last), limits, None)
+    return [] if last is None else [(first, last)]
+
+
+def _ends_s(motions: tuple[Motion, ...]) -> float:
+    return motions[-1].end_s
 
 
 def _hovering(wanted: ruckig.InputParameter, start: Reference, heading_rad: float) -> Motion | None:

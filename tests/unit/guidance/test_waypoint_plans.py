@@ -319,6 +319,16 @@ def test_brake_keeps_whatever_limits_the_start_can_keep(checks: SimpleNamespace,
             assert dist(before.velocity_ned_m_s, after.velocity_ned_m_s) <= most * (1.0 + 1e-6) + 1e-9
 
 
+@pytest.mark.parametrize("turning", [1.0, 0.98, 0.5])
+def test_brake_out_of_a_fast_turn_takes_little_longer_than_out_of_straight_flight(turning: float) -> None:
+    """The acceleration of the turn is taken back in a / j; then there is the whole of it to brake with."""
+    limits = MotionLimits()
+    start = Reference(0.0, ZERO3, (5.0, 0.0, 0.0), (0.0, 3.0 * turning, 0.0))
+    stopped, straight = brake(start, limits), brake(replace(start, acceleration_ned_m_s2=ZERO3), limits)
+    assert stopped.end_s <= straight.end_s + 0.4
+    assert hypot(*stopped.target.position_ned_m) <= hypot(*straight.target.position_ned_m) + 2.0
+
+
 def test_brake_from_cruise_takes_the_time_of_the_trapezoid() -> None:
     limits = MotionLimits()
     start = Reference(time_s=0.0, position_ned_m=ZERO3, velocity_ned_m_s=(3.0, 4.0, 0.0))
