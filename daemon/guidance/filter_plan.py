@@ -14,7 +14,7 @@ from daemon.guidance.saturation import cascades, step_heading, step_towards
 from daemon.messages import WINDOW_SPACING_S, ZERO3, Reference, Vec3
 
 _TURNED_RAD = radians(1.0)
-_TURNING_STEP_RAD = 0.1  # in units of 1 / omega
+_TURNING_STEP_RAD = 0.04  # in units of 1 / omega
 _REST_M = 1e-7  # error, in metres, radians and their rates, below which the filter counts as resting at its goal
 
 Node = tuple[Motion, Vec3, float, float, float]  # motion, jerk; heading, its rate and acceleration

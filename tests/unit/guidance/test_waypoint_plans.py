@@ -227,7 +227,8 @@ def test_the_filter_has_come_to_rest_when_it_says_so_whatever_the_limits(
     limits: MotionLimits, velocity: Vec3, yaw_rate_rad_s: float, goal_m: float
 ) -> None:
     start = Reference(0.0, ZERO3, velocity, yaw_rate_rad_s=yaw_rate_rad_s)
-    flown = FilterPlan(start, (goal_m, 0.0, -1.0), 1.0, limits, GuidanceParameters(omega_rad_s=1.0))
+    parameters = GuidanceParameters(omega_rad_s=1.0, omega_yaw_rad_s=1.0)
+    flown = FilterPlan(start, (goal_m, 0.0, -1.0), 1.0, limits, parameters)
     for i in range(100):
         now = flown.sample(flown.end_s + 0.5 * i)
         assert dist(now.position_ned_m, (goal_m, 0.0, -1.0)) < 0.05
