@@ -201,7 +201,8 @@ async def test_all_that_a_client_sent_before_it_closed_is_done(path, monkeypatch
                 await settle(other)
 
 
-async def test_what_a_subscriber_that_does_not_read_sent_before_it_closed_is_done(path):
+async def test_what_a_subscriber_that_does_not_read_sent_before_it_closed_is_done(path, monkeypatch):
+    monkeypatch.setattr(session_module, "LEFT_S", 60.0)
     async with serving(path) as daemon, raw(path) as other:
         client = socket.socket(socket.AF_UNIX)
         client.connect(str(path))
