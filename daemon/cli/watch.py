@@ -161,6 +161,7 @@ def watch(as_json: JsonOption = False, socket: SocketOption = None) -> None:
         await asyncio.wait([task, stopping], return_when=asyncio.FIRST_COMPLETED)
         if task.done():
             task.result()
+        task.cancel()  # the end of the connection is no error of its
 
     if lost():
         fail(Exit.INTERRUPTED, "nobody reads the output", as_json=False)

@@ -80,8 +80,8 @@ def test_watch_prints_events_as_lines_when_nobody_looks(flightd, path):
         line = json.loads(process.stdout.readline())
         assert (line["topic"], line["code"]) == ("events", "reset")
         process.terminate()
-        process.communicate(timeout=120)
-    assert process.returncode == 0
+        _, err = process.communicate(timeout=120)
+    assert (process.returncode, err) == (0, "")
 
 
 def test_live_view_shows_error_goal_and_events():
