@@ -15,7 +15,7 @@ from daemon.loops.vehicle import Vehicle
 from daemon.messages import Vec3
 from daemon.pipeline import Inputs, Record
 from daemon.reports import Reports
-from daemon.safety.reasons import REASONS
+from daemon.safety.reasons import ESTIMATE_EVENTS, REASONS
 from daemon.safety.supervisor import State
 
 PLAN_POINTS = 100
@@ -120,7 +120,7 @@ class Telemetry:
             reset = event.reset
             if reset is None:
                 log.warning(event.name, cause=event.cause)
-                self._journal.event(event.name, event.cause or event.name.replace("_", " "))
+                self._journal.event(event.name, ESTIMATE_EVENTS[event.name])
                 continue
             kinds = sorted(reset.kinds)
             text = (

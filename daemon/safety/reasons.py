@@ -1,4 +1,4 @@
-"""The reasons of the supervisor, and of goals that end, in words."""
+"""The reasons of the supervisor, and of goals that end, and what the estimation tells, in words."""
 
 REASONS = {
     "start": "the daemon has just started",
@@ -8,7 +8,10 @@ REASONS = {
     "pilot_takeoff": "the vehicle took off without being asked to by this daemon",
     "link_lost": "nothing is heard from the autopilot",
     "autopilot_rebooted": "the autopilot has restarted",
-    "control_stalled": "the control task fell silent; the vehicle was handed over, engage it to take it again",
+    "control_stalled": (
+        "the control task fell silent, as on a computer that is too busy; "
+        "the vehicle was handed over, engage it to take it again"
+    ),
     "disarmed": "the vehicle is disarmed",
     "terminated": "the motors were stopped by a kill switch or by flight termination",
     "autopilot_failsafe": "a failsafe of the autopilot took the vehicle",
@@ -42,4 +45,11 @@ REASONS = {
     "vehicle.land": "a landing was asked for",
     "vehicle.return": "the return was asked for",
     "vehicle.takeoff": "a take-off was asked for",
+}
+
+ESTIMATE_EVENTS = {
+    "clock_stepped": "the autopilot's stamps jumped against this computer's clock; their new time is followed",
+    "filter_restarted": "the filter began anew from the autopilot's odometry",
+    "regained": "telemetry is back after a gap",
+    "reset": "the autopilot counted a reset of its estimate, and nothing moved",
 }
