@@ -59,15 +59,22 @@ REQUEST_EXITS = f"0 done, 1 timed out, 2 refused, 3 overtaken by a newer request
 GOAL_EXITS = f"0 succeeded, 1 aborted, 2 refused, 3 preempted, 4 canceled, {_EVERYWHERE}"
 MINUS = "\N{MINUS SIGN}"
 NEGATIVE_NUMBER = re.compile(r"\A-(?=\.?\d)")
+TYPE = re.compile(r" <\S+>\Z")
 
 
 class PlainCommand(TyperCommand):
-    """A command whose usage line shows its arguments as people type them."""
+    """A command whose help page shows its arguments as people type them."""
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """``N E D`` and ``[FILE...]``, whatever typer puts around them."""
         pieces = [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]
         return [re.sub(r"\}?\.\.\.(\]?)\}?\.\.\.$", r"...\1", piece) for piece in pieces]
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Without the type that typer puts behind an argument's name."""
+        write = formatter.write_dl
+        formatter.write_dl = lambda rows, **more: write([(TYPE.sub("", name), text) for name, text in rows], **more)
+        super().format_options(ctx, formatter)
 
 
 class NumbersCommand(PlainCommand):

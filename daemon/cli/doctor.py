@@ -233,5 +233,6 @@ def _say(finding: Finding) -> None:
 def register(app: typer.Typer) -> None:
     """Add the command."""
     app.command(
-        epilog=examples("flightd doctor", "flightd doctor --config x500", exits="0 nothing is bad, 1 something is bad")
+        short_help="Check this installation and the running daemon.",
+        epilog=examples("flightd doctor", "flightd doctor --config x500", exits="0 nothing is bad, 1 something is bad"),
     )(doctor)

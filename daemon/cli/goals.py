@@ -54,7 +54,9 @@ class Through(StrEnum):
 
 North = Annotated[float, typer.Argument(parser=number, metavar="N", help="North, m (or x, or latitude).")]
 East = Annotated[float, typer.Argument(parser=number, metavar="E", help="East, m (or y, or longitude).")]
-Down = Annotated[float, typer.Argument(parser=number, metavar="D", help="Down, m (or z, or altitude).")]
+Down = Annotated[
+    float, typer.Argument(parser=number, metavar="D", help="Down, m: -5 is 5 m above the origin (or z, or altitude).")
+]
 FrameOption = Annotated[
     FrameName, typer.Option("--frame", metavar="FRAME", help=f"Frame of the position: {', '.join(FrameName)}.")
 ]
@@ -62,7 +64,14 @@ ModeOption = Annotated[
     ModeName, typer.Option("--mode", metavar="MODE", help=f"Which parts of the pose count: {', '.join(ModeName)}.")
 ]
 YawOption = Annotated[
-    float | None, typer.Option("--yaw", parser=number, metavar="DEG", help="Heading (default: as it is).")
+    float | None,
+    typer.Option(
+        "--yaw",
+        parser=number,
+        metavar="DEG",
+        help="Heading: clockwise from North; in local_enu counter-clockwise from East; in body_frd clockwise from the "
+        "heading of now (default: as it is).",
+    ),
 ]
 HoldOption = Annotated[
     float, typer.Option("--hold", parser=number, metavar="S", help="Stay there before it counts as done.")
@@ -107,7 +116,9 @@ def path(
         list[float],
         typer.Argument(parser=number, metavar="N E D...", help="Waypoints, three numbers each, as for `flightd goto`."),
     ],
-    through: Annotated[Through, typer.Option(help="Stop at each, or fly by in one smooth path.")] = Through.STOP,
+    through: Annotated[
+        Through, typer.Option(metavar="HOW", help="How to meet them: stop at each, or fly_by in one smooth path.")
+    ] = Through.STOP,
     yaw: YawOption = None,
     frame: FrameOption = FrameName.LOCAL_NED,
     timeout: TimeoutOption = None,
@@ -129,7 +140,9 @@ def path(
 
 
 def cancel(
-    goal_id: Annotated[str | None, typer.Argument(help="Goal to cancel (default: the active one).")] = None,
+    goal_id: Annotated[
+        str | None, typer.Argument(metavar="GOAL", help="Goal to cancel (default: the active one).")
+    ] = None,
     as_json: JsonOption = False,
     socket: SocketOption = None,
 ) -> None:

@@ -18,7 +18,7 @@ def register(app: typer.Typer) -> None:
         name="report",
         cls=PlainCommand,
         short_help="Write a page about a flight.",
-        epilog="Example:\n\nflightd report flight-records/20261122T101500Z-part1.mcap",
+        epilog="Example:\n\nflightd report ~/.local/state/flightd/20261122T101500Z-part1.mcap",
     )(report)
 
 

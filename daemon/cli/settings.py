@@ -34,7 +34,7 @@ def change(
     as_json: JsonOption = False,
     socket: SocketOption = None,
 ) -> None:
-    """Change a setting until the daemon restarts; only gains and limits, within their ranges."""
+    """Change a gain or a limit, within its range, until the daemon restarts; docs/settings.md says which can be."""
     wanted = parse_value(value)
     _show(run(lambda flight: flight.set_config(path, wanted), socket, as_json), as_json)
 

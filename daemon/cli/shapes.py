@@ -33,9 +33,14 @@ class HeadingName(StrEnum):
 SpeedOption = Annotated[float, typer.Option("--speed", parser=number, metavar="M/S", help="Speed along the shape.")]
 TurnsOption = Annotated[float, typer.Option("--turns", parser=number, metavar="N", help="How many times around.")]
 DirectionOption = Annotated[
-    Direction, typer.Option("--direction", help="Sense, seen along the axis: from above, but from below in local_enu.")
+    Direction,
+    typer.Option(
+        "--direction", metavar="SENSE", help="cw or ccw, seen along the axis: from above, but from below in local_enu."
+    ),
 ]
-HeadingOption = Annotated[HeadingName, typer.Option("--heading", help="Where the vehicle looks.")]
+HeadingOption = Annotated[
+    HeadingName, typer.Option("--heading", metavar="WHERE", help=f"Where the vehicle looks: {', '.join(HeadingName)}.")
+]
 
 
 def circle(

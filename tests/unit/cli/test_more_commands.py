@@ -184,6 +184,17 @@ def test_every_help_page_opens(command):
     assert f"Usage: flightd {command or '[OPTIONS]'}" in shown.output
 
 
+@pytest.mark.parametrize(
+    "command",
+    [["goto"], ["path"], ["cancel"], ["takeoff"], ["fly", "circle"], ["config", "set"], ["replay"], ["report"]],
+)
+def test_a_help_page_shows_names_and_no_types_of_python(command):
+    shown = CliRunner().invoke(build(command[0]), [*command, "--help"], prog_name="flightd")
+    names = [line.split("  ")[1] for line in shown.output.splitlines() if line.startswith("  ") and line[2] != " "]
+    assert any(name.startswith("--json") for name in names)
+    assert not [name for name in names if "<" in name]
+
+
 @pytest.mark.parametrize("command", ["status", "takeoff", "doctor"])
 def test_a_socket_that_does_not_let_the_user_in_says_what_to_do(command, path, monkeypatch):
     def refuse(*_args, **_more):
