@@ -1,7 +1,7 @@
 """What a reference may ask of the vehicle."""
 
 from dataclasses import dataclass, fields, replace
-from math import hypot, isfinite
+from math import hypot, isfinite, radians
 
 from daemon.messages import Vec3
 
@@ -21,8 +21,8 @@ class MotionLimits:
     acceleration_m_s2: float = 3.0  # horizontal: 17 degrees of tilt
     vertical_acceleration_m_s2: float = 2.0
     jerk_m_s3: float = 10.0  # horizontal and vertical each
-    yaw_rate_rad_s: float = 1.0
-    yaw_acceleration_rad_s2: float = 2.0
+    yaw_rate_rad_s: float = radians(60.0)
+    yaw_acceleration_rad_s2: float = radians(115.0)
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -23,7 +23,7 @@ from daemon.guidance.waypoint_modes import WaypointMode
 from daemon.messages import ZERO3, Reference, Vec3
 
 LIMITS = MotionLimits()
-PARAMETERS = GuidanceParameters()
+PARAMETERS = GuidanceParameters(omega_yaw_rad_s=2.0)
 START = Reference(
     time_s=100.0,
     position_ned_m=(4.0, -3.0, -10.0),

@@ -3,7 +3,8 @@
 import pytest
 
 from daemon.config import load, with_value
-from daemon.guidance.parameters import Profile
+from daemon.guidance.limits import MotionLimits
+from daemon.guidance.parameters import GuidanceParameters, Profile
 from daemon.loops.flown_parameters import FlownParameters
 from daemon.messages import FrameShift
 from daemon.parameters import geofence
@@ -72,3 +73,10 @@ def test_too_little_thrust_is_told_by_what_hovers_and_by_what_flies() -> None:
     assert [text.split()[0] for text in parameters.cannot_fly()] == ["guidance.limits.vertical_acceleration_m_s2"]
     parameters.take_hover(0.88)
     assert len(parameters.cannot_hover()) == 1 and len(parameters.cannot_fly()) == 2
+
+
+def test_guidance_has_the_defaults_of_the_configuration() -> None:
+    """What is made without a configuration flies as the daemon does."""
+    parameters = FlownParameters(load([]))
+    assert parameters.guidance == GuidanceParameters()
+    assert parameters.cell.value.limits == MotionLimits()
