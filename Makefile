@@ -11,7 +11,7 @@ demo: $(DEMO_STAMP)
 	$(BIN)/flightd demo
 
 test: $(STAMP)
-	$(BIN)/pytest -n 2 --dist worksteal
+	$(BIN)/pytest -n 3 --dist worksteal
 
 check: $(STAMP)
 	$(BIN)/ruff check .
