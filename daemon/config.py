@@ -9,10 +9,10 @@ import reprlib
 from pathlib import Path
 from typing import Any, NoReturn
 
-import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
+from daemon import yaml_text
 from daemon.settings import Config
 
 
@@ -59,11 +59,13 @@ def validated(values: dict[str, Any]) -> Config:
 
 def _read(file: Path) -> dict[str, Any]:
     try:
-        values = yaml.safe_load(file.read_text())
+        values = yaml_text.parsed(file.read_text("utf-8"))
     except OSError as error:
         raise ConfigError([f"{file}: {error.strerror}"]) from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: no UTF-8, or no date such as 2026-13-45
-        raise ConfigError([f"{file}: not YAML: {' '.join(str(error).split())}"]) from None
+    except UnicodeDecodeError:
+        raise ConfigError([f"{file}: not YAML: not all of it is UTF-8"]) from None
+    except ValueError as error:
+        raise ConfigError([f"{file}: {error}"]) from None
     if values is None:
         return {}
     if not isinstance(values, dict):

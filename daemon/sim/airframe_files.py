@@ -3,8 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from daemon import yaml_text
 from daemon.sim.airframe import Airframe, Battery, RateGains, Rotor
 
 DIRECTORY = Path(__file__).parent / "airframes"
@@ -22,15 +21,16 @@ def load(name_or_path: str | Path) -> Airframe:
         path = DIRECTORY / f"{name_or_path}.yaml"
     if not path.is_file():
         raise ValueError(f"airframe {name_or_path}: no such airframe; known: {', '.join(names())}")
-    data = yaml.safe_load(path.read_text(encoding="utf-8"))
     try:
-        return from_mapping(data)
+        return from_mapping(yaml_text.parsed(path.read_text(encoding="utf-8")))
     except (TypeError, KeyError, ValueError) as error:
         raise ValueError(f"airframe {path}: {error}") from error
 
 
-def from_mapping(data: dict[str, Any]) -> Airframe:
+def from_mapping(data: Any) -> Airframe:
     """An airframe from the mapping that a file holds. Raises TypeError, KeyError or ValueError."""
+    if not isinstance(data, dict):
+        raise ValueError("keys such as those of the airframes that come with flightd are expected")
     fields = {key: _tuple_of(value) for key, value in data.items()}
     fields["rotors"] = tuple(Rotor(**rotor) for rotor in data["rotors"])
     fields["rate_gains"] = RateGains(**{k: _tuple_of(v) for k, v in data["rate_gains"].items()})

@@ -11,8 +11,7 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import yaml
-
+from daemon import yaml_text
 from daemon.sim.fault import Fault
 from daemon.sim.faults import checked, from_mapping
 
@@ -46,10 +45,10 @@ def scenario(entries: Any) -> tuple[ScheduledFault, ...]:
 def load(path: Path) -> tuple[ScheduledFault, ...]:
     """The scenario that a YAML file holds. Raises ValueError with the file and what is wrong with it."""
     try:
-        planned = scenario(yaml.safe_load(path.read_text(encoding="utf-8")))
+        planned = scenario(yaml_text.parsed(path.read_text(encoding="utf-8")))
     except OSError as error:
         raise ValueError(f"scenario {path}: {error.strerror}") from error
-    except (yaml.YAMLError, ValueError) as error:
+    except ValueError as error:
         raise ValueError(f"scenario {path}: {error}") from error
     return tuple(replace(entry, origin=f"scenario {path}: {entry.origin}") for entry in planned)
 

@@ -76,7 +76,12 @@ def test_each_shipped_file_is_good_and_gives_parameters(file: Path) -> None:
         ("link:\n  connection: udpin://:14540\n", ["link.connection"]),
         ("link:\n  connection: serial:///dev/ttyAMA0\n", ["link.connection"]),
         ("- a\n", ["own.yaml", "sections"]),
-        ("a: [\n", ["own.yaml", "not YAML"]),
+        ("a: [\n", ["own.yaml: not YAML: line 2, column 1: expected the node content"]),
+        (
+            "safety:\n  fence: {radius_m: 30}\nlog: {level: info}\nsafety:\n  coast_s: 0.1\n",
+            ["own.yaml: not YAML: line 4, column 1: the key safety is there already, in line 1"],
+        ),
+        ("log:\n  level: info\n  level: debug\n", ["line 3, column 3: the key level is there already, in line 2"]),
     ],
 )
 def test_a_bad_file_is_refused_in_words(tmp_path: Path, text: str, words: list[str]) -> None:

@@ -34,6 +34,22 @@ def test_a_wrong_airframe_is_refused_with_what_is_wrong(tmp_path, old, new, word
         airframe_files.load(path)
 
 
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("mass_kg: [\n", "line 2, column 1: expected the node content"),
+        ("", "keys such as"),
+        ("- sih\n", "keys such as"),
+        ("mass_kg: 1.0\nmass_kg: 2.0\n", "the key mass_kg is there already, in line 1"),
+    ],
+)
+def test_a_file_that_holds_no_airframe_is_refused_in_words(tmp_path, text, words):
+    path = tmp_path / "wrong.yaml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=words):
+        airframe_files.load(path)
+
+
 def test_an_unknown_name_is_answered_with_the_known_ones():
     with pytest.raises(ValueError, match="known: sih, x500"):
         airframe_files.load("boeing")

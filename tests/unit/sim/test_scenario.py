@@ -93,7 +93,7 @@ def test_wrong_words_are_refused_with_the_key_and_the_reason(text, words):
         ("- gps_loss", "[0].'gps_loss': a mapping with the key fault is expected"),
         ("- {at_s: 1, fault: reboot}\n- {at_s: soon, fault: reboot}", "[1].at_s: 'soon' is not a number"),
         ("- {fault: wind, north: 3}", "[0].wind.north: unknown; known: duration_s, north_m_s"),
-        ("- {fault: [}", "bad_day.yaml: while parsing"),
+        ("- {fault: [}", "bad_day.yaml: not YAML: line 1"),
         ("", "a list of faults is expected"),
     ],
 )
