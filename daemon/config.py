@@ -6,6 +6,8 @@ nothing.
 
 import re
 import reprlib
+from collections.abc import Iterator
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -49,6 +51,12 @@ def _shipped(file: Path) -> Path | None:
     return shipped if shipped.exists() else None
 
 
+def _shipped_names(file: Path) -> str:
+    """What a bare name that names nothing may have been meant to be."""
+    names = sorted(path.stem for path in default_path().parent.glob("*.yaml") if path.stem != "default")
+    return "" if file.suffix or len(file.parts) != 1 else f"; {', '.join(names)} come with flightd"
+
+
 def validated(values: dict[str, Any]) -> Config:
     """The configuration of nested values. Raises ``ConfigError``."""
     try:
@@ -61,7 +69,7 @@ def _read(file: Path) -> dict[str, Any]:
     try:
         values = yaml_text.parsed(file.read_text("utf-8"))
     except OSError as error:
-        raise ConfigError([f"{file}: {error.strerror}"]) from None
+        raise ConfigError([f"{file}: {error.strerror}{_shipped_names(file)}"]) from None
     except UnicodeDecodeError:
         raise ConfigError([f"{file}: not YAML: not all of it is UTF-8"]) from None
     except ValueError as error:
@@ -96,15 +104,22 @@ def _sentence(fault: Any) -> str:
     kind, value, context = fault["type"], fault.get("input"), fault.get("ctx") or {}
     path = ".".join(str(part) for part in fault["loc"]) or "configuration"
     if kind in ("extra_forbidden", "invalid_key"):
-        return f"{path}: there is no such key"
+        return f"{path}: there is no such key{meant(path)}"
     if kind == "missing":
         return f"{path}: is missing"
     if kind == "too_long":
         return f"{path}: must have at most {context['max_length']} items, not {len(value)}"
     wanted = context["expected"] if kind == "literal_error" else _WANTED.get(kind)
     if wanted is not None:
-        return f"{path}: must be {wanted}, not {reprlib.repr(value)}{_yaml_hint(kind, value)}"
+        return f"{path}: must be {wanted}, not {_written(value)}{_yaml_hint(kind, value)}"
     return f"{path}: {unacceptable(fault) or fault['msg'][0].lower() + fault['msg'][1:]}"
+
+
+def _written(value: Any) -> str:
+    """A value as YAML has it."""
+    if value is None:
+        return "empty (leave out what does not differ)"
+    return str(value).lower() if isinstance(value, bool) else reprlib.repr(value)
 
 
 def _yaml_hint(kind: str, value: Any) -> str:
@@ -164,6 +179,25 @@ def keys_of(path: str) -> list[str]:
             return []
         model = section
     return list(model.model_fields)
+
+
+def meant(path: str) -> str:
+    """What a dotted path that is no setting may have meant, as the end of a sentence; empty when none is like it."""
+    above, _, name = path.rpartition(".")
+    known = list(_paths(Config))
+    if path in known:  # its dots are within one key
+        return "; write its sections as sections, one below the other"
+    siblings = [other.rpartition(".")[2] for other in known if other.rpartition(".")[0] == above]
+    like = [f"{above}.{other}".lstrip(".") for other in get_close_matches(name, siblings, 1)]
+    like = like or [other for other in known if other.rpartition(".")[2] == name]
+    return f"; did you mean {' or '.join(like)}?" if like else ""
+
+
+def _paths(model: type[BaseModel], above: str = "") -> Iterator[str]:
+    for name, field in model.model_fields.items():
+        yield f"{above}{name}"
+        if (section := _section(field)) is not None:
+            yield from _paths(section, f"{above}{name}.")
 
 
 def _section(field: FieldInfo) -> type[BaseModel] | None:

@@ -205,7 +205,11 @@ class Service:
     async def config_set(self, params: methods.ConfigSet, caller: Caller) -> results.Setting:
         """See ``FlightService``."""
         if not self._setting(params.path)["settable"]:
-            raise ProtocolError(ErrorCode.REFUSED, f"{params.path} cannot be changed while the daemon runs", "path")
+            raise ProtocolError(
+                ErrorCode.REFUSED,
+                f"{params.path} cannot be changed while the daemon runs: write it into its file and restart",
+                "path",
+            )
         try:
             self._vehicle.set_config(configuration.with_value(self._vehicle.config, params.path, params.value))
         except ValidationError as error:
@@ -235,7 +239,11 @@ class Service:
             value = configuration.value_at(self._vehicle.config, path)
         except KeyError:
             keys = ", ".join(configuration.keys_of(path))
-            reason = f"{path} is a section; its keys are {keys}" if keys else f"there is no setting {path!r}"
+            reason = (
+                f"{path} is a section; its keys are {keys}"
+                if keys
+                else f"there is no setting {path!r}{configuration.meant(path)}"
+            )
             raise ProtocolError(ErrorCode.REFUSED, reason, "path") from None
         return {"path": path, "value": value, **described}  # type: ignore[typeddict-item]
 

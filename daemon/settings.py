@@ -18,7 +18,7 @@ def _number(low: float, high: float, unit: str | None, settable: bool = False) -
 
 
 # What MAVSDK takes; others it refuses each time anew, at run time.
-_CONNECTION = re.compile(r"(udp|tcp)://\S*:\d+|(udp|tcp)(in|out)://\S+:\d+|serial(_flowcontrol)?://\S+:\d+")
+_CONNECTION = re.compile(r"(udp|tcp)://\S*:\d+|(udp|tcp)(in|out)://\S+:\d+|serial(_flowcontrol)?:///\S+:\d+")
 _SPEED_MARGIN = 1.2  # of the supervisor's bound over the limits of motion: gusts and the way back to the reference
 _TILT_MARGIN_DEG = 10.0  # of the supervisor's bound over the law's: a late vehicle in a gust
 DEFAULT_HOVER_THRUST = 0.5  # until the autopilot tells its own

@@ -45,7 +45,7 @@ def test_gains_and_limits_may_be_set_in_flight_and_of_the_modes_those_that_are_f
         ("control.drag_1_s", [0.0, 0.0, 9.0], -32001, "value", "9 is not within 0 to 5 1/s"),
         ("control.velocity_yaw", True, -32001, "path", None),
         ("log.level", "debug", -32001, "path", None),
-        ("control.drag", 1.0, -32001, "path", "there is no setting 'control.drag'"),
+        ("control.drag", 1.0, -32001, "path", "there is no setting 'control.drag'; did you mean control.drag_1_s?"),
         ("guidance.limits.x", 1.0, -32001, "path", "there is no setting 'guidance.limits.x'"),
         (
             "guidance",

@@ -49,8 +49,14 @@ def test_each_shipped_file_is_good_and_gives_parameters(file: Path) -> None:
     ("text", "words"),
     [
         ("guidance:\n  limits:\n    speed_m_s: 300\n", ["guidance.limits.speed_m_s", "300", "0.1 to 25 m/s"]),
-        ("gudance: 1\n", ["gudance", "no such key"]),
-        ("control:\n  kp: 1\n", ["control.kp", "no such key"]),
+        ("gudance: 1\n", ["gudance: there is no such key; did you mean guidance?"]),
+        ("control:\n  kp: 1\n", ["control.kp: there is no such key"]),
+        ("link:\n  conection: a\n", ["link.conection: there is no such key; did you mean link.connection?"]),
+        ("guidance:\n  speed_m_s: 3\n", ["there is no such key; did you mean guidance.limits.speed_m_s?"]),
+        ("tilt_max_deg: 30\n", ["did you mean control.tilt_max_deg or safety.tilt_max_deg?"]),
+        ("guidance.limits.speed_m_s: 3\n", ["no such key; write its sections as sections, one below the other"]),
+        ("guidance:\n", ["guidance: must be a section of keys, not empty (leave out what does not differ)"]),
+        ("guidance:\n  limits:\n    speed_m_s:\n", ["limits.speed_m_s: must be a number, not empty"]),
         ("control:\n  hover_thrust: high\n", ["control.hover_thrust: must be a number, not 'high'"]),
         ("control:\n  hover_thrust: .nan\n", ["control.hover_thrust"]),
         ("control:\n  position_gain_1_s2: [1, 2]\n", ["control.position_gain_1_s2"]),
@@ -59,7 +65,7 @@ def test_each_shipped_file_is_good_and_gives_parameters(file: Path) -> None:
         ("loops:\n  control_rate_hz: 1e2\n", ["must be a number, not '1e2' (YAML reads it as text: write 1.0e+2)"]),
         ("guidance: 5\n", ["guidance: must be a section of keys, not 5"]),
         ("loops:\n  realtime_priority: 1.5\n", ["realtime_priority: must be a whole number, not 1.5"]),
-        ("log:\n  level: on\n", ["log.level: must be 'debug'", "not True", "write it in quotes"]),
+        ("log:\n  level: on\n", ["log.level: must be 'debug'", "not true", "write it in quotes"]),
         ("d: 2026-13-45\n", ["own.yaml: not YAML: month must be in 1..12"]),
         ("safety: {fence: {polygon_ne_m: [[1, 2, 3]]}}\n", ["polygon_ne_m.0: must have at most 2 items, not 3"]),
         ("link: {connection: 'udpin://127.0.0.1:99999'}\n", ["port 99999 is not within 1 to 65535"]),
@@ -75,6 +81,7 @@ def test_each_shipped_file_is_good_and_gives_parameters(file: Path) -> None:
         ("link:\n  connection: udpin://127.0.0.1\n", ["link.connection"]),
         ("link:\n  connection: udpin://:14540\n", ["link.connection"]),
         ("link:\n  connection: serial:///dev/ttyAMA0\n", ["link.connection"]),
+        ("link:\n  connection: serial://dev/ttyAMA0:921600\n", ["link.connection", "serial:///dev/ttyAMA0:921600"]),
         ("- a\n", ["own.yaml", "sections"]),
         ("a: [\n", ["own.yaml: not YAML: line 2, column 1: expected the node content"]),
         (
@@ -114,6 +121,8 @@ def test_all_faults_are_told_at_once(tmp_path: Path) -> None:
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"nowhere\.yaml"):
         load([tmp_path / "nowhere.yaml"])
+    with pytest.raises(ConfigError, match=r"^flying: No such file or directory; sim, sitl, x500 come with flightd$"):
+        load([Path("flying")])
 
 
 def test_a_configured_hover_thrust_wins_over_the_autopilots() -> None:
