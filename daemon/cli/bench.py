@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Protocol, TypeVar
 
 import typer
 
+from daemon.cli.common import writable
+
 if TYPE_CHECKING:
     from daemon.bench.manoeuvres import Manoeuvre
     from daemon.bench.track import Run
@@ -32,7 +34,10 @@ def loop(
     only: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this flight; may be repeated.")] = None,
     grpc_python: Annotated[Path | None, typer.Option(metavar="PATH", help="A Python that has mavsdk-grpc.")] = None,
     against: Annotated[
-        Path | None, typer.Option(metavar="PATH", help="JSON of an earlier run to compare ratios with.")
+        Path | None,
+        typer.Option(
+            metavar="PATH", exists=True, dir_okay=False, help="JSON of an earlier run to compare ratios with."
+        ),
     ] = None,
     out: Annotated[Path | None, typer.Option(metavar="PATH", help="File for the JSON.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
@@ -44,6 +49,8 @@ def loop(
     from daemon.bench import loop as benchmark
     from daemon.bench import loop_report
 
+    if out is not None:
+        writable(out.parent, as_json)
     flights = _named(benchmark.programme(rate, str(grpc_python) if grpc_python else None), only, "flight")
     figures = asyncio.run(benchmark.measure(flights, seconds, rounds, lambda text: typer.echo(text, err=True)))
     result = {"seconds": seconds, "rounds": rounds, "rate_hz": rate, "flights": figures}
@@ -105,6 +112,8 @@ def track(
     from daemon.bench import manoeuvres, track, track_report
 
     logs.configure("error")
+    if out is not None:
+        writable(out, as_json)
     chosen = _named(manoeuvres.all_manoeuvres(), manoeuvre, "manoeuvre")
     if px4 is not None:
         runs = asyncio.run(_on_px4(px4, chosen, hover_thrust, drag))
@@ -115,7 +124,6 @@ def track(
             flights = [(m, c) for c in conditions for m in chosen]
         runs = list(_told(track.simulated(flights, seed=seed)))
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
         (out / "track.json").write_text(json.dumps(track_report.as_json(runs), indent=1) + "\n")
         (out / "track.md").write_text(track_report.markdown(runs) + "\n")
         (out / "track.png").write_bytes(track_report.picture(runs))
@@ -197,6 +205,8 @@ def resets(
     from daemon.bench import resets as benchmark
 
     logs.configure("error")
+    if out is not None:
+        writable(out.parent, as_json)
     figures = [one for seed in range(3, 3 + seeds) for one in benchmark.flown(seed=seed)]
     if out is not None:
         out.write_text(json.dumps(benchmark.as_json(figures), indent=1) + "\n")

@@ -5,6 +5,7 @@ import json
 import re
 import signal
 import sys
+import tempfile
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import AsyncExitStack, suppress
 from enum import IntEnum
@@ -146,6 +147,21 @@ def fail(exit_code: Exit, text: str, as_json: bool, **details: Any) -> NoReturn:
     else:
         typer.secho(text, fg=typer.colors.RED if colours(sys.stderr) else None, err=True)
     raise typer.Exit(int(exit_code))
+
+
+def writable(folder: Path, as_json: bool = False) -> None:
+    """Make a folder for what a command writes in the end; leave now where nothing can be written into it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(b"something")
+    except OSError as error:
+        fail(Exit.REFUSED, not_written(error, folder), as_json)
+
+
+def not_written(error: OSError, folder: Path) -> str:
+    """What hindered writing into a folder, as a sentence."""
+    return f"cannot write into {folder}: {error.strerror}"
 
 
 EXTRAS = {"pymavlink": "sim", "matplotlib": "report"}

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from daemon.cli import demo_flight
-from daemon.cli.common import Exit, JsonOption, fail, say, say_json
+from daemon.cli.common import Exit, JsonOption, fail, say, say_json, writable
 from daemon.cli.demo_children import Child, ChildError, free_udp_port
 from daemon.cli.demo_flight import Row, Tell
 from daemon.goals.client import FlightClient
@@ -52,12 +52,14 @@ def demo(
 
     Exit code 0 only if each goal ended as it should: the first preempted, the others reached within 0.3 m and 5 deg.
     """
-    out.mkdir(parents=True, exist_ok=True)
+    writable(out, as_json)
     try:
         results, records = asyncio.run(_fly(out.resolve(), px4))
         rows = _evaluate(results, records, out)
-    except (DemoError, ChildError, FlightError, RecordError, OSError) as error:
+    except (DemoError, ChildError, FlightError, RecordError) as error:
         fail(Exit.ABORTED, f"demo: {error}", as_json)
+    except OSError as error:
+        fail(Exit.ABORTED, f"demo: {error.strerror or error} (what it writes is in {out})", as_json)
     except KeyboardInterrupt:
         fail(Exit.INTERRUPTED, "demo: interrupted; both processes were stopped", as_json)
     good = all(row.good for row in rows)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from daemon.cli.common import Exit, JsonOption, PlainCommand, fail, say, say_json
+from daemon.cli.common import Exit, JsonOption, PlainCommand, fail, not_written, say, say_json
 from daemon.recording.codec import RecordError
 from daemon.recording.files import in_order
 
@@ -34,8 +34,10 @@ def report(
 
     try:
         page = write_report(in_order(records), out)
-    except (RecordError, OSError) as error:
+    except RecordError as error:
         fail(Exit.REFUSED, str(error), as_json)
+    except OSError as error:
+        fail(Exit.REFUSED, not_written(error, out), as_json)
     if as_json:
         say_json({"report": str(page), "picture": str(out / "flight.png")})
     else:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from daemon.cli.common import Exit, JsonOption, examples, fail, missing, note, on_interrupt, say, say_json
+from daemon.cli.common import Exit, JsonOption, examples, fail, missing, note, on_interrupt, say, say_json, writable
 from daemon.cli.daemon_commands import ConfigFiles
 from daemon.cli.demo_children import Child, ChildError, free_udp_port
 
@@ -80,6 +80,7 @@ def tune(
         simulated = airframe or "sih" if simulate else None
         if simulated is not None:
             airframe_files.load(simulated)
+        writable(out, as_json)  # before anything flies
         measured = measure(asyncio.run(_flown(loaded, simulated, takeoff_m)))
         proposal = propose(measured, loaded)
         files = _write(out, name, measured, proposal, config or [])
@@ -136,7 +137,6 @@ def _write(out: Path, name: str, measured: "Measured", proposal: "Proposal", con
     from daemon.config import load
     from daemon.tuning.proposal import as_yaml
 
-    out.mkdir(parents=True, exist_ok=True)
     settings = out / f"{name}.yaml"
     settings.write_text(as_yaml(proposal, name))
     load([*configs, settings])

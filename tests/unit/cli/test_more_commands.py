@@ -277,6 +277,26 @@ def test_replay_of_something_else_says_so(flightd, tmp_path):
     assert (done.returncode, done.err) == (2, f"{file}: is not a flight record\n")
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["demo"],
+        ["tune", "--simulate"],
+        ["bench", "track"],
+        ["bench", "resets"],
+        ["report", "RECORD"],
+    ],
+)
+def test_a_folder_that_nothing_can_be_written_into_is_refused_before_anything_flies(flightd, tmp_path, command):
+    file = tmp_path / "file"
+    file.touch()
+    record = Path(__file__).parents[2] / "replay" / "simulated_goals.mcap"
+    done = flightd(*[record if word == "RECORD" else word for word in command], "--out", file / "folder")
+    assert (done.returncode, done.out) == (2, "")
+    assert done.err.startswith(f"cannot write into {file}")
+    assert len(done.err.splitlines()) == 1
+
+
 def test_the_demo_shows_no_error_of_a_goal_that_was_left_on_the_way(capsys):
     demo._show([demo_flight.Row("goal", "preempted", "preempted", 1.0, 6.87, 12.0, 0.1, 10.0)])
     assert "6.87" not in capsys.readouterr().out
