@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import AsyncExitStack, suppress
 from enum import IntEnum
+from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
 from types import MappingProxyType
@@ -162,6 +163,13 @@ def writable(folder: Path, as_json: bool = False) -> None:
 def not_written(error: OSError, folder: Path) -> str:
     """What hindered writing into a folder, as a sentence."""
     return f"cannot write into {folder}: {error.strerror}"
+
+
+def needs(*packages: str) -> None:
+    """Leave now where a package that is used later, or by another process, is not there."""
+    for package in packages:
+        if find_spec(package) is None:
+            raise ModuleNotFoundError(name=package)
 
 
 EXTRAS = {"pymavlink": "sim", "matplotlib": "report"}

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from daemon.cli import demo_flight
-from daemon.cli.common import Exit, JsonOption, fail, say, say_json, writable
+from daemon.cli.common import Exit, JsonOption, fail, needs, say, say_json, writable
 from daemon.cli.demo_children import Child, ChildError, free_udp_port
 from daemon.cli.demo_flight import Row, Tell
 from daemon.goals.client import FlightClient
@@ -52,6 +52,7 @@ def demo(
 
     Exit code 0 only if each goal ended as it should: the first preempted, the others reached within 0.3 m and 5 deg.
     """
+    needs("matplotlib", *(["pymavlink"] if px4 is None else []))
     writable(out, as_json)
     try:
         results, records = asyncio.run(_fly(out.resolve(), px4))

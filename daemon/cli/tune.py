@@ -8,7 +8,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from daemon.cli.common import Exit, JsonOption, examples, fail, missing, note, on_interrupt, say, say_json, writable
+from daemon.cli.common import (
+    Exit,
+    JsonOption,
+    examples,
+    fail,
+    missing,
+    needs,
+    note,
+    on_interrupt,
+    say,
+    say_json,
+    writable,
+)
 from daemon.cli.daemon_commands import ConfigFiles
 from daemon.cli.demo_children import Child, ChildError, free_udp_port
 
@@ -73,6 +85,8 @@ def tune(
     logs.configure("error")
     if simulate and connection is not None:
         fail(Exit.REFUSED, "--simulate has a connection of its own", as_json)
+    if simulate:
+        needs("pymavlink")
     try:
         loaded = load(config or [], {} if connection is None else {"link": {"connection": connection}})
         name = Path(airframe or ("sih" if simulate else "airframe")).stem
