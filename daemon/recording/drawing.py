@@ -15,6 +15,7 @@ from daemon.recording.style import BAD, FLOWN, INK, MUTED, thinned
 
 Line = tuple[Array, str, str, float]  # values, colour, name, width
 TOUCHING = 0.03  # of an axis: numbers nearer than this run together
+GAP = "\N{NO-BREAK SPACE}" * 2  # beside a mark; browsers drop common spaces where a text of an SVG begins
 MARKED = {"reset": BAD, "fast_slide": BAD, "record_gap": BAD, "refused": FLOWN, "goal.refused": FLOWN}
 
 
@@ -85,7 +86,7 @@ def mark_targets(axes: Any, scene: Scene, *, in_space: bool = False) -> None:
     for group in together(targets, TOUCHING * span):
         text = numbered([known[i] for i in group])
         if in_space:
-            axes.text(*targets[group[0]], f"  {text}", color=INK)
+            axes.text(*targets[group[0]], f"{GAP}{text}", color=INK)
         else:
             axes.annotate(text, targets[group[0]], (5, 5), textcoords="offset points", color=INK)
 

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from daemon.recording import paths, style
 from daemon.recording.analysis import spans
-from daemon.recording.drawing import MARKED, Scene, stack
+from daemon.recording.drawing import GAP, MARKED, Scene, stack
 from daemon.recording.style import BAD, FLOWN, FOURTH, INK, MUTED, THIRD, WANTED
 
 _STATE_COLOURS = {"tracking": WANTED, "holding": THIRD, "engaging": FOURTH, "releasing": FLOWN, "fault": BAD}
@@ -142,7 +142,8 @@ def timeline(scene: Scene) -> Figure:
             )
             late = end > 0.88 * t.time_s[-1]  # no room to the right of it
             place, side = (goal.begin_s, "right") if late else (end, "left")
-            axes.text(place, rows - 1 - number, f"  {goal.outcome or 'active'}  ", va="center", ha=side, fontsize=8.5)
+            text = f"{GAP}{goal.outcome or 'active'}{GAP}"
+            axes.text(place, rows - 1 - number, text, va="center", ha=side, fontsize=8.5)
         for event in scene.events:
             colour = MARKED.get(event["code"], MUTED)
             axes.plot(event["time_s"] - scene.zero_s, 0, "|", color=colour, ms=11, mew=1.6)

@@ -48,6 +48,12 @@ def test_each_picture_is_sound_svg_with_colours_of_the_page(page: str) -> None:
         assert not any(light in drawing for light, _ in style.COLOURS.values())
 
 
+def test_no_text_of_a_picture_begins_with_a_space_that_browsers_drop(page: str) -> None:
+    texts = re.findall(r"<text[^>]*>([^<]*)</text>", page)
+    assert len(texts) > 100
+    assert [text for text in texts if text.startswith(" ")] == []
+
+
 def test_both_themes_name_each_colour(page: str) -> None:
     light, dark = re.search(r":root \{(.*?)\}\n@media.*?:root \{(.*?)\}", page, re.DOTALL).groups()  # type: ignore[union-attr]
     for name in style.COLOURS:
