@@ -87,15 +87,18 @@ def sim(
         scenarios.schedule(fleet, [*planned, *(scenarios.from_option(text) for text in fault or [])])
     except ValueError as error:
         fail(Exit.REFUSED, str(error), False)
+    path = control or control_path(port)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    except OSError as error:
+        fail(Exit.REFUSED, f"--control {path}: {error.strerror}", False)
     for index in range(vehicles):
         say(f"simulated PX4 {1 + index} sends to udp 127.0.0.1:{port + index}")
-    path = control or control_path(port)
-    path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     server = MavlinkServer(fleet, port=port, speed=speed, control_path=path, on_request=fault_requests(fleet))
     try:
         asyncio.run(_until_stopped(server))
     except OSError as error:  # a second simulator, or no socket to be had
-        fail(Exit.REFUSED, f"{error.strerror or error}", False)
+        fail(Exit.REFUSED, error.strerror or f"--control {path}: {error}", False)
     say(_summary(server))
 
 

@@ -299,6 +299,14 @@ def test_a_folder_that_nothing_can_be_written_into_is_refused_before_anything_fl
     assert len(done.err.splitlines()) == 1
 
 
+@pytest.mark.parametrize("place", ["file/sim.sock", f"{'long' * 30}.sock"])
+def test_a_control_socket_that_cannot_be_is_refused_in_one_line(flightd, tmp_path, place):
+    (tmp_path / "file").touch()
+    done = flightd("sim", "--port", 25312, "--control", tmp_path / place)
+    assert done.returncode == 2
+    assert done.err.startswith(f"--control {tmp_path / place}: ") and len(done.err.splitlines()) == 1
+
+
 def test_the_demo_shows_no_error_of_a_goal_that_was_left_on_the_way(capsys):
     demo._show([demo_flight.Row("goal", "preempted", "preempted", 1.0, 6.87, 12.0, 0.1, 10.0)])
     assert "6.87" not in capsys.readouterr().out
