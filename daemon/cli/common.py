@@ -191,7 +191,7 @@ ANSWER_S = 5.0
 GOES_ON = "interrupted; what was asked for goes on (`flightd hold` ends it)"
 
 # What to do next where a request was not possible in a state of the daemon's.
-UNCONNECTED = {"disconnected": "check the cable; `flightd doctor` tells more"}
+UNCONNECTED = {"disconnected": "check the cable, or that the simulator runs; `flightd doctor` tells more"}
 UNENGAGED = UNCONNECTED | {
     "standby": "`flightd takeoff 5` takes off",
     "ready": "to be taken the vehicle has to be in the air and in Hold; `flightd hold` asks for Hold",

@@ -190,9 +190,10 @@ def check_daemon(asked: Asked) -> Iterator[Finding]:
         yield Finding(Level.BAD, "autopilot", "the daemon tells nothing of its health", "look at its log")
         return
     if not health["autopilot"]["connected"]:
-        yield Finding(
-            Level.BAD, "autopilot", "is not connected", "check cable, baud rate and MAV_*_CONFIG on the autopilot"
-        )
+        mend = "check cable, baud rate and MAV_*_CONFIG on the autopilot"
+        if asked.connection is not None and not asked.connection.startswith("serial"):
+            mend = f"see that the autopilot, or its simulation, runs and uses the port of {asked.connection}"
+        yield Finding(Level.BAD, "autopilot", "is not connected", mend)
         return
     yield Finding(Level.GOOD, "autopilot", f"connected, {health['autopilot']['mode']}")
     for reason in health["reasons"][1:]:

@@ -1,7 +1,7 @@
 """The reasons of the supervisor, and of goals that end, and what the estimation tells, in words."""
 
 REASONS = {
-    "start": "the daemon has just started",
+    "start": "no autopilot has been heard since the daemon started",
     "connected": "the autopilot is connected, the vehicle is on the ground",
     "found_flying": "the vehicle was flying when the daemon met it; engage or hold it to take it",
     "link_returned": "the link was lost while the vehicle was ours, and is back; engage or hold it to take it",

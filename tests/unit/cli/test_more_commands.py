@@ -147,6 +147,17 @@ def test_doctor_knows_what_is_no_serial_port():
     assert (_serial("/dev/null").level, "is no serial port" in _serial("/dev/null").text) == ("bad", True)
 
 
+@pytest.mark.parametrize(
+    ("connection", "words"), [("serial:///dev/ttyS0:57600", "baud rate"), ("udpin://0.0.0.0:14540", "simulation")]
+)
+def test_doctor_says_where_to_look_for_an_autopilot_by_the_kind_of_the_connection(connection, words):
+    health = {"autopilot": {"connected": False}}
+    info = {"name": "flightd", "version": "1", "protocol": 1}
+    asked = doctor.Asked(info=info, connection=connection, health=health)
+    mends = [finding.mend for finding in doctor.check_daemon(asked) if finding.name == "autopilot"]
+    assert [word for word in ("baud rate", "simulation") if word in mends[0]] == [words]
+
+
 def test_doctor_names_a_parameter_once():
     reasons = [{"code": "taken_off", "text": "it has"}, {"code": "COM_X", "text": "COM_X is 1: set 3"}]
     health = {"autopilot": {"connected": True, "mode": "hold"}, "reasons": reasons}

@@ -78,7 +78,10 @@ def test_advice_is_for_those_who_want_to_fly(flightd, path):
     assert setting.err == "path: goals.engage_on_submit cannot be changed\n"
     assert disarmed.err == "the vehicle is not landed; land it first\n"
     assert engaged.err.splitlines()[1].startswith("to be taken the vehicle has to be in the air and in Hold")
-    assert armed.err == "no autopilot is connected\ncheck the cable; `flightd doctor` tells more\n"
+    assert (
+        armed.err
+        == "no autopilot is connected\ncheck the cable, or that the simulator runs; `flightd doctor` tells more\n"
+    )
     assert {done.returncode for done in (setting, disarmed, engaged, armed)} == {2}
 
 
