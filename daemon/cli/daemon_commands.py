@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from daemon.cli.common import Exit, PlainCommand, examples, fail, say
+from daemon.cli.common import Exit, JsonOption, PlainCommand, examples, fail, say, say_json
 
 ConfigFiles = Annotated[
     list[Path] | None,
@@ -25,7 +25,12 @@ def register(app: typer.Typer) -> None:
     app.command(
         name="run", short_help="Run the daemon.", epilog=examples("flightd run --config sitl", exits=RUN_EXITS)
     )(run)
-    app.command(name="check-config", cls=PlainCommand, short_help="Check configuration files.")(check_config)
+    app.command(
+        name="check-config",
+        cls=PlainCommand,
+        short_help="Check configuration files.",
+        epilog=examples("flightd check-config /etc/flightd/flightd.yaml", exits="0 they can be used, 2 they cannot"),
+    )(check_config)
 
 
 def run(
@@ -45,14 +50,21 @@ def run(
 
 def check_config(
     files: Annotated[
-        list[Path] | None, typer.Argument(metavar="FILE...", help="YAML files, stacked over the defaults.")
+        list[Path] | None,
+        typer.Argument(
+            metavar="FILE...", help="YAML files, or names of those that come with flightd, stacked over the defaults."
+        ),
     ] = None,
+    as_json: JsonOption = False,
 ) -> None:
-    """Check configuration files without starting anything; exit code 2 when they cannot be used."""
+    """Check configuration files without starting anything."""
     from daemon.config import ConfigError, load
 
     try:
         config = load(files or [])
     except ConfigError as error:
-        fail(Exit.REFUSED, str(error), as_json=False)
-    say(f"configuration is good (hash {config.hash()})")
+        fail(Exit.REFUSED, str(error), as_json, faults=error.faults)
+    if as_json:
+        say_json({"hash": config.hash()})
+    else:
+        say(f"configuration is good (hash {config.hash()})")

@@ -4,6 +4,8 @@ import signal
 import pytest
 from fake_flight import serving_in_thread
 
+from daemon.config import load
+
 
 def test_goto_takes_negative_numbers_and_waits_for_the_result(flightd, path):
     with serving_in_thread(path, auto="succeeded") as daemon:
@@ -160,6 +162,9 @@ def test_check_config_answers_in_plain_lines(flightd, tmp_path):
     done = flightd("check-config", file)
     assert (done.returncode, done.out) == (2, "")
     assert done.err == "guidance: must be a section of keys, not 5\nfoo: there is no such key\n"
+    told = json.loads(flightd("check-config", file, "--json").out)
+    assert told["error"]["faults"] == done.err.splitlines()
+    assert json.loads(flightd("check-config", "--json").out) == {"hash": load([]).hash()}
     file.write_text("d: 2026-13-45\n")
     assert flightd("check-config", file).err == f"{file}: not YAML: month must be in 1..12\n"
     assert flightd("check-config").out.startswith("configuration is good (hash ")
