@@ -5,6 +5,7 @@ event loop. Nothing here uses the offboard plugin, which would repeat setpoints 
 """
 
 import asyncio
+import itertools
 import json
 import math
 import struct
@@ -31,6 +32,7 @@ from daemon.messages import AutopilotStatus, FlightMode, Setpoint
 
 _POLL_S = 0.1
 _RETRY_S = 1.0
+_TRIES_A_LINE = 10
 _CLOSE_S = 0.8
 _REMEMBERED_LINES = 256
 _AUTOPILOT_COMPONENT = 1
@@ -148,7 +150,7 @@ class MavsdkLink(SessionLink):
         self._wire = _Wire(system, *self._own_ids)
         for name in self.session.wanted:
             self._wire.direct.subscribe_message(name, self._callback(name))
-        _log.info("autopilot found", system_id=self._wire.system_id)
+        _log.info("autopilot_found", system_id=self._wire.system_id)
         await self._keep(sdk)
 
     async def close(self) -> None:
@@ -166,7 +168,7 @@ class MavsdkLink(SessionLink):
         try:
             await asyncio.wait_for(aside(end), _CLOSE_S)
         except TimeoutError:
-            _log.warning("mavsdk did not close in time")
+            _log.warning("mavsdk_left_behind")
 
     def send_setpoint(self, setpoint: Setpoint) -> bool:
         """Send one body-rate setpoint now, from any thread; False when there is no autopilot or it is not finite."""
@@ -188,12 +190,13 @@ class MavsdkLink(SessionLink):
     # ---- opening
 
     async def _open(self, sdk: Mavsdk) -> None:
-        while True:
+        for tries in itertools.count(1):
             result = await aside(lambda: sdk.add_any_connection(self.url))
             if result == ConnectionResult.SUCCESS:
-                _log.info("waiting for an autopilot", url=self.url)
+                _log.info("waiting_for_autopilot", url=self.url)
                 return
-            _log.warning("connection failed, trying again", url=self.url, result=result.name)
+            if tries % _TRIES_A_LINE == 1:
+                _log.warning("connection_failed", url=self.url, result=result.name, tries=tries)
             await asyncio.sleep(_RETRY_S)
 
     async def _first_autopilot(self, sdk: Mavsdk) -> System:
@@ -226,7 +229,7 @@ class MavsdkLink(SessionLink):
         messages = self.session.take_outgoing()
         failed = [message[0] for message in messages if wire is None or not wire.send(message)]
         if failed:
-            _log.warning("messages not sent", names=failed)
+            _log.warning("messages_not_sent", names=failed)
 
     def _callback(self, name: str) -> Callable[[MavlinkMessage, Any], None]:
         loop, receive_sample = self._loop, self.session.receive_sample
@@ -272,15 +275,15 @@ class _Said:
         """Log what differs from the last time."""
         if status.connected != self._connected:
             self._connected = status.connected
-            _log.info("link up" if status.connected else "link lost", mode=status.mode.value, armed=status.armed)
+            _log.info("link_up" if status.connected else "link_lost", mode=status.mode.value, armed=status.armed)
         if status.boot_count != self._boot_count:
             self._boot_count = status.boot_count
-            _log.warning("autopilot rebooted", boot_count=status.boot_count)
+            _log.warning("autopilot_rebooted", boot_count=status.boot_count)
         if systems > self._systems:
             self._systems = systems
-            _log.warning("another system on this link is ignored", systems=systems)
+            _log.warning("another_system_ignored", systems=systems)
         for text in session.take_events():
-            _log.info("autopilot says", text=text)
+            _log.info("autopilot_says", text=text)
 
 
 def _unpack_parameter(fields: Fields) -> None:

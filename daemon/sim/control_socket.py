@@ -34,7 +34,7 @@ async def control_socket(path: Path, handler: Handler) -> AsyncIterator[None]:
     _remove(path)
     server = await asyncio.start_unix_server(serve, path)
     _restrict(path)
-    _log.info("control socket", path=str(path))
+    _log.info("control_socket", path=str(path))
     try:
         yield
     finally:

@@ -287,7 +287,7 @@ async def test_a_rebooted_autopilot_is_asked_again_even_from_another_port() -> N
 async def test_mavsdks_log_goes_into_ours_and_not_to_stdout(capfd: pytest.CaptureFixture[str]) -> None:
     with structlog.testing.capture_logs() as lines:
         async with connected() as (_link, _px4):
-            await until(lambda: any(line["event"] == "link up" for line in lines))
+            await until(lambda: any(line["event"] == "link_up" for line in lines))
     assert any("New system" in line.get("text", "") for line in lines)
     assert "New system" not in capfd.readouterr().out
 
@@ -326,12 +326,20 @@ async def test_a_mode_can_be_asked_for_when_the_run_has_failed_until_the_link_is
 
 
 @pytest.mark.parametrize("url", ["serial:///dev/does-not-exist:921600", "nonsense://"])
-async def test_a_connection_that_cannot_be_opened_is_tried_again_and_ends_cleanly(url: str) -> None:
+async def test_a_connection_that_cannot_be_opened_is_tried_again_told_at_each_tenth_time_and_ends_cleanly(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mavsdk_link, "_RETRY_S", 0.02)
+
+    def told() -> list[int]:
+        return [line["tries"] for line in lines if line["event"] == "connection_failed"]
+
     with structlog.testing.capture_logs() as lines:
         link = MavsdkLink(url)
         async with running(link) as task:
-            await until(lambda: sum(line["event"] == "connection failed, trying again" for line in lines) >= 2)
+            await until(lambda: len(told()) >= 2)
             assert not task.done()
+    assert told()[:2] == [1, 11]
 
 
 def test_a_line_that_mavsdk_repeats_is_logged_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -102,7 +102,7 @@ async def test_the_watchdog_is_fed_by_a_daemon_that_may_open_nothing_more(tmp_pa
     child = await start(tmp_path, "flightd", "run", "--connection", connection, "--socket", str(path), environ=environ)
     async with running(child):
         assert "READY=1" in await systemd.next()
-        while "waiting for an autopilot" not in [event["event"] for event in child.events()]:
+        while "waiting_for_autopilot" not in [event["event"] for event in child.events()]:
             assert await systemd.next() == "WATCHDOG=1"
         resource.prlimit(child.process.pid, resource.RLIMIT_NOFILE, (3, 3))
         systemd.drain()
