@@ -20,7 +20,8 @@ from daemon.cli.common import (
 )
 from daemon.cli.flying import reason_in_words
 from daemon.cli.output import lost, on_terminal
-from daemon.goals.client import FlightClient, Telemetry
+from daemon.goals.client import FlightClient
+from daemon.goals.listeners import Telemetry
 from daemon.goals.results import (
     EventTelemetry,
     GoalFeedback,

@@ -13,10 +13,11 @@ from collections.abc import AsyncIterator, Coroutine, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
-from daemon.goals.client import FlightClient, Telemetry
+from daemon.goals.client import FlightClient
 from daemon.goals.client_errors import NoDaemonError
 from daemon.goals.connection import NOT_CONNECTED
 from daemon.goals.goal import Feedback, Goal, Result
+from daemon.goals.listeners import Telemetry
 from daemon.goals.results import GoalRecord, Setting, SettingValue, Status, SystemInfo, VehicleDone
 
 T = TypeVar("T")

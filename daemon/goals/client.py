@@ -7,11 +7,9 @@ async with FlightClient() as flight:
     result = await goal
 """
 
-import asyncio
 import os
-from collections.abc import AsyncIterator, Iterable, Iterator, Sequence
+from collections.abc import AsyncIterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self, cast
 
@@ -26,35 +24,12 @@ from daemon.goals.client_errors import (
 from daemon.goals.connection import Connection
 from daemon.goals.errors import ErrorCode
 from daemon.goals.goal import Goal, Result, feedback_from, result_from
+from daemon.goals.listeners import Listeners, Telemetry
 from daemon.goals.results import GoalRecord, Setting, SettingValue, Status, SystemInfo, VehicleDone
 from daemon.goals.sockets import client_path
 
-TELEMETRY_QUEUE = 256
 READ_TRIES = 3
 FORGOTTEN = "the daemon does not know it any more: it was restarted, or newer goals took its place"
-
-
-@dataclass(frozen=True, slots=True)
-class Telemetry:
-    """One notification of a topic; ``data`` has the shape that `daemon.goals.results` gives it.
-
-    The topic ``goal`` has two: ``data["notification"]`` is goal.feedback or goal.result.
-    """
-
-    topic: str
-    data: Any
-
-
-@dataclass(eq=False, slots=True)
-class _Listener:
-    topics: frozenset[str]
-    rate_hz: float
-    queue: asyncio.Queue[Telemetry | NoDaemonError]
-
-    def put(self, item: Telemetry | NoDaemonError) -> None:
-        if self.queue.full():
-            self.queue.get_nowait()
-        self.queue.put_nowait(item)
 
 
 class FlightClient:
@@ -68,7 +43,7 @@ class FlightClient:
         self.socket_path = client_path(Path(socket) if socket is not None else None, os.environ)
         self._connection = Connection(self.socket_path, reconnect_s, self._take, self._restore, self._lose)
         self._goals: dict[str, Goal] = {}
-        self._listeners: list[_Listener] = []
+        self._listeners = Listeners()
         self._submitting = 0
         self._early: list[tuple[str, dict[str, Any]]] = []
 
@@ -122,32 +97,18 @@ class FlightClient:
         if not topics:
             reason = "name one at least"
             raise InvalidRequestError(ErrorCode.INVALID_PARAMS, f"topics: {reason}", "topics", reason)
-        listener = _Listener(frozenset(topics), rate_hz, asyncio.Queue(TELEMETRY_QUEUE))
-        self._listeners.append(listener)  # first: what comes with the reply counts too
+        listener = self._listeners.add(topics, rate_hz)  # first: what comes with the reply counts too
         try:
-            for params in self._subscriptions(listener.topics):
+            for params in self._listeners.subscriptions(listener.topics):
                 await self._read("telemetry.subscribe", **params)
             while True:
-                item = await listener.queue.get()
-                if isinstance(item, NoDaemonError):
-                    raise item
-                yield item
+                yield await listener.get()
         finally:
-            self._listeners.remove(listener)
-            unused = listener.topics.difference(*(other.topics for other in self._listeners))
+            unused = self._listeners.remove(listener)
             unused -= {"goal"} if self._goals else set()  # after a reconnection they end by it
             with suppress(FlightError):
                 if unused:
                     await self._connection.call("telemetry.unsubscribe", {"topics": sorted(unused)})
-
-    def _subscriptions(self, topics: Iterable[str]) -> Iterator[dict[str, Any]]:
-        """What to subscribe to: each topic at the highest rate that one of its listeners wants."""
-        rates: dict[float, list[str]] = {}
-        for topic in sorted(topics):
-            rate_hz = max(listener.rate_hz for listener in self._listeners if topic in listener.topics)
-            rates.setdefault(rate_hz, []).append(topic)
-        for rate_hz, those in rates.items():
-            yield {"topics": those, "rate_hz": rate_hz}
 
     # -- the vehicle
 
@@ -269,9 +230,7 @@ class FlightClient:
     def _take(self, method: str, params: dict[str, Any]) -> None:
         topic = method.removeprefix("telemetry.") if method.startswith("telemetry.") else "goal"
         data = {**params, "notification": method} if topic == "goal" else params
-        for listener in self._listeners:
-            if topic in listener.topics:
-                listener.put(Telemetry(topic, data))
+        self._listeners.tell(topic, data)
         if topic == "goal":
             self._take_goal(method, params)
 
@@ -292,8 +251,8 @@ class FlightClient:
     async def _restore(self) -> None:
         """After the daemon came back: get the telemetry again, and find out what became of the goals."""
         with suppress(FlightError):
-            wanted = frozenset[str]().union(*(listener.topics for listener in self._listeners))
-            for params in self._subscriptions(wanted):
+            wanted = self._listeners.topics
+            for params in self._listeners.subscriptions(wanted):
                 await self._connection.call("telemetry.subscribe", params)
             if self._goals and "goal" not in wanted:
                 await self._connection.call("telemetry.subscribe", {"topics": ["goal"], "rate_hz": 10.0})
@@ -317,8 +276,7 @@ class FlightClient:
         for goal in self._goals.values():
             goal.fail(error)
         self._goals.clear()
-        for listener in self._listeners:
-            listener.put(error)
+        self._listeners.lose(error)
 
 
 def _given(params: dict[str, Any]) -> dict[str, Any]:

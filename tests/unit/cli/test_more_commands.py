@@ -13,8 +13,8 @@ from daemon.cli.commands import COMMANDS, build
 from daemon.cli.common import ANSWER_EXITS, GOAL_EXITS, REQUEST_EXITS
 from daemon.cli.settings import parse_value
 from daemon.cli.watch import Picture, rows
-from daemon.goals.client import Telemetry
 from daemon.goals.client_errors import NoDaemonError
+from daemon.goals.listeners import Telemetry
 
 
 def test_path_takes_threes_of_numbers(flightd, path):
