@@ -2,19 +2,15 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable
-from typing import Any
 
-from pydantic import ValidationError
-
-from daemon import config as configuration
 from daemon import logs, orders, pipeline
 from daemon.autopilot.port import CommandRefusedError, CommandTimeoutError, NotConnectedError
 from daemon.goals import methods, results
 from daemon.goals.errors import ErrorCode, ProtocolError
 from daemon.goals.hub import Hub
-from daemon.goals.protocol import explained
 from daemon.goals.service import Caller, Identity
 from daemon.journal import Journal
+from daemon.live_settings import LiveSettings
 from daemon.loops.commander import Commander, NotPossibleError
 from daemon.loops.goal_book import GoalEntry
 from daemon.loops.goal_order import Progress
@@ -36,6 +32,7 @@ class Service:
         self._hub = hub
         self._journal = journal
         self._reports = reports
+        self._settings = LiveSettings(vehicle)
         self._started_s = asyncio.get_running_loop().time()
         self._engaging: set[asyncio.Task[None]] = set()
         vehicle.trajectory.listeners.append(self)
@@ -200,23 +197,11 @@ class Service:
 
     async def config_get(self, params: methods.ConfigGet, caller: Caller) -> results.Setting:
         """See ``FlightService``."""
-        return self._setting(params.path)
+        return self._settings.get(params.path)
 
     async def config_set(self, params: methods.ConfigSet, caller: Caller) -> results.Setting:
         """See ``FlightService``."""
-        if not self._setting(params.path)["settable"]:
-            raise ProtocolError(
-                ErrorCode.REFUSED,
-                f"{params.path} cannot be changed while the daemon runs: write it into its file and restart",
-                "path",
-            )
-        try:
-            self._vehicle.set_config(configuration.with_value(self._vehicle.config, params.path, params.value))
-        except ValidationError as error:
-            raise _refused_value(params, dict(error.errors()[0])) from None
-        except ValueError as error:
-            raise ProtocolError(ErrorCode.REFUSED, str(error), "value") from None
-        setting = self._setting(params.path)
+        setting = self._settings.set(params)
         self._journal.event("config.set", f"{params.path} = {setting['value']}")
         log.info("config_set", path=params.path, value=setting["value"], pid=caller.pid, uid=caller.uid)
         return setting
@@ -232,20 +217,6 @@ class Service:
         if entry is None:
             raise ProtocolError(ErrorCode.UNKNOWN_GOAL, f"no goal {goal_id!r} is known", "goal_id")
         return entry
-
-    def _setting(self, path: str) -> results.Setting:
-        try:
-            described = configuration.describe(path)
-            value = configuration.value_at(self._vehicle.config, path)
-        except KeyError:
-            keys = ", ".join(configuration.keys_of(path))
-            reason = (
-                f"{path} is a section; its keys are {keys}"
-                if keys
-                else f"there is no setting {path!r}{configuration.meant(path)}"
-            )
-            raise ProtocolError(ErrorCode.REFUSED, reason, "path") from None
-        return {"path": path, "value": value, **described}  # type: ignore[typeddict-item]
 
     async def _done(self, request: Callable[[], Awaitable[None]]) -> results.VehicleDone:
         try:
@@ -320,12 +291,3 @@ class Service:
             limits=self._vehicle.parameters.value.limits,
             parameters=self._vehicle.guidance,
         )
-
-
-def _refused_value(params: methods.ConfigSet, fault: dict[str, Any]) -> ProtocolError:
-    """What pydantic found wrong with a setting, as of the request's ``value``."""
-    reason = configuration.unacceptable(fault)
-    if reason is not None:
-        return ProtocolError(ErrorCode.REFUSED, reason, "value")
-    inside = fault["loc"][len(params.path.split(".")) :]
-    return explained({**fault, "loc": ("value", *inside)}, {"value": params.value})
