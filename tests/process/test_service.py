@@ -6,11 +6,13 @@ import shutil
 import signal
 import socket
 import subprocess
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
 from support.air import air, take
-from support.processes import daemon_on, free_udp_port, running, start, troubled_daemon
+from support.processes import Child, daemon_on, free_udp_port, running, start, troubled_daemon
 
 from daemon.goals.client import FlightClient
 from daemon.messages import FlightMode
@@ -67,15 +69,23 @@ def is_stopped(pid: int) -> bool:
     return Path(f"/proc/{pid}/stat").read_text().split()[2] == "T"
 
 
-async def test_systemd_hears_ready_once_the_socket_listens_then_the_watchdog_then_stopping(tmp_path: Path) -> None:
-    systemd, path = Systemd(tmp_path / "notify"), tmp_path / "f.sock"
-    environ = {"NOTIFY_SOCKET": str(systemd.path)}
+@asynccontextmanager
+async def notifying(tmp_path: Path) -> AsyncIterator[tuple[Child, Systemd]]:
+    """A daemon that has told systemd that it is ready."""
+    systemd = Systemd(tmp_path / "notify")
     connection = f"udpin://127.0.0.1:{free_udp_port()}"
-    child = await start(tmp_path, "flightd", "run", "--connection", connection, "--socket", str(path), environ=environ)
+    arguments = ("run", "--connection", connection, "--socket", str(tmp_path / "f.sock"))
+    child = await start(tmp_path, "flightd", *arguments, environ={"NOTIFY_SOCKET": str(systemd.path)})
     async with running(child):
+        child.socket = tmp_path / "f.sock"
         assert "READY=1" in await systemd.next()
+        yield child, systemd
+
+
+async def test_systemd_hears_ready_once_the_socket_listens_then_the_watchdog_then_stopping(tmp_path: Path) -> None:
+    async with notifying(tmp_path) as (child, systemd):
         with socket.socket(socket.AF_UNIX) as client:
-            client.connect(str(path))
+            client.connect(str(child.socket))
         for _ in range(3):
             assert await systemd.next() == "WATCHDOG=1"
         child.process.send_signal(signal.SIGSTOP)
@@ -96,12 +106,7 @@ async def test_systemd_hears_ready_once_the_socket_listens_then_the_watchdog_the
 
 
 async def test_the_watchdog_is_fed_by_a_daemon_that_may_open_nothing_more(tmp_path: Path) -> None:
-    systemd, path = Systemd(tmp_path / "notify"), tmp_path / "f.sock"
-    environ = {"NOTIFY_SOCKET": str(systemd.path)}
-    connection = f"udpin://127.0.0.1:{free_udp_port()}"
-    child = await start(tmp_path, "flightd", "run", "--connection", connection, "--socket", str(path), environ=environ)
-    async with running(child):
-        assert "READY=1" in await systemd.next()
+    async with notifying(tmp_path) as (child, systemd):
         while "waiting_for_autopilot" not in [event["event"] for event in child.events()]:
             assert await systemd.next() == "WATCHDOG=1"
         resource.prlimit(child.process.pid, resource.RLIMIT_NOFILE, (3, 3))

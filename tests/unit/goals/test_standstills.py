@@ -19,6 +19,11 @@ def line(method, params, number=1):
     return json.dumps({"jsonrpc": "2.0", "id": number, "method": method, "params": params}).encode() + b"\n"
 
 
+def stand_still(flight):
+    flight.standstills += 1
+    flight.server.stood_still()
+
+
 class Client:
     """Sends without the loop's help, as a process of its own does."""
 
@@ -36,10 +41,13 @@ class Client:
             data += await asyncio.wait_for(asyncio.get_running_loop().sock_recv(self.sock, 65536), 10.0)
         return json.loads(data.splitlines()[0])
 
-
-def stand_still(flight):
-    flight.standstills += 1
-    flight.server.stood_still()
+    async def ask_over_a_standstill(self, flight, request, connected):
+        """Send what is read after a standstill only, as the first line of the connection or as a later one."""
+        if connected:
+            self.send(line("status.get", {}))
+            await self.answer()
+        self.send(request)
+        stand_still(flight)
 
 
 async def settled():
@@ -57,11 +65,7 @@ def path(tmp_path):
 async def test_what_takes_the_vehicle_is_refused(path, method, params, connected):
     async with serving(path) as flight:
         client = Client(path)
-        if connected:
-            client.send(line("status.get", {}))
-            await client.answer()
-        client.send(line(method, params))
-        stand_still(flight)
+        await client.ask_over_a_standstill(flight, line(method, params), connected)
         error = (await client.answer())["error"]
         assert error["code"] == ErrorCode.WRONG_STATE
         assert "the daemon stood still" in error["message"]
@@ -75,11 +79,7 @@ async def test_what_takes_the_vehicle_is_refused(path, method, params, connected
 async def test_what_gives_it_away_or_only_reads_is_done(path, method, params, connected):
     async with serving(path) as flight:
         client = Client(path)
-        if connected:
-            client.send(line("status.get", {}))
-            await client.answer()
-        client.send(line(method, params))
-        stand_still(flight)
+        await client.ask_over_a_standstill(flight, line(method, params), connected)
         assert "result" in await client.answer()
 
 

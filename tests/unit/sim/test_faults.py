@@ -4,6 +4,7 @@ import re
 from math import isnan, nan
 
 import pytest
+from support.px4_talk import command, fly, named
 
 from daemon.messages import FlightMode
 from daemon.sim import airframe_files
@@ -37,26 +38,6 @@ def px4():
     vehicle.start_in_air(10.0)
     fly(vehicle, 0.2)
     return vehicle
-
-
-def fly(px4, seconds):
-    messages = []
-    for _ in range(round(seconds / 0.004)):
-        px4.step()
-        messages += px4.take_outgoing()
-    return messages
-
-
-def named(messages, name):
-    return [fields for n, fields in messages if n == name]
-
-
-def command(px4, number, *parameters):
-    values = (*parameters, *[nan] * (7 - len(parameters)))
-    px4.receive(
-        "COMMAND_LONG",
-        {"target_system": 1, "command": number, **{f"param{i + 1}": v for i, v in enumerate(values)}},
-    )
 
 
 def test_a_silent_downlink_says_nothing_for_its_duration_and_the_uplink_goes_on(px4):

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+from support.px4_talk import fly
 
 from daemon.sim import airframe_files, scenario
 from daemon.sim.faults import GpsLoss, Payload, SteadyWind, StoppedTelemetry
@@ -23,11 +24,6 @@ BAD_DAY = """
 
 def fleet():
     return [SimulatedPx4(airframe=airframe_files.load("sih"), system_id=n, noise=False) for n in (1, 2)]
-
-
-def fly(px4, seconds):
-    for _ in range(round(seconds / 0.004)):
-        px4.step()
 
 
 def test_a_file_is_read_in_the_order_of_time(tmp_path):

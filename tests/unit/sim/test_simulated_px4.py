@@ -6,6 +6,7 @@ from math import nan
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.px4_talk import command, fly, named
 
 from daemon.messages import FlightMode, GlobalPosition, LandedState
 from daemon.sim import airframe_files
@@ -21,24 +22,6 @@ def vehicle(height_m=0.0, **arguments):
     if height_m:
         px4.start_in_air(height_m)
     return px4
-
-
-def command(px4, number, *parameters, system=None):
-    values = (*parameters, *[nan] * (7 - len(parameters)))
-    fields = {"target_system": px4.system_id if system is None else system, "command": number}
-    px4.receive("COMMAND_LONG", fields | {f"param{i + 1}": v for i, v in enumerate(values)})
-
-
-def fly(px4, seconds):
-    messages = []
-    for _ in range(round(seconds / 0.004)):
-        px4.step()
-        messages += px4.take_outgoing()
-    return messages
-
-
-def named(messages, name):
-    return [fields for n, fields in messages if n == name]
 
 
 def event_id(name):
