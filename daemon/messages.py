@@ -131,12 +131,14 @@ class ClockSync:
     """What TIMESYNC says of the autopilot's clock: ``offset_s`` is loop time minus autopilot time at ``stamp_us``.
 
     ``drift`` is what the offset gains in a second. ``uncertainty_s``: half the quickest round trip, and the noise.
+    ``round_trip_s``: what the way there and back takes now, the middle one of the newest exchanges.
     """
 
     stamp_us: int
     offset_s: float
     drift: float
     uncertainty_s: float
+    round_trip_s: float
 
     def offset_at(self, stamp_us: int) -> float:
         """The offset when the autopilot's clock shows ``stamp_us``, seconds."""

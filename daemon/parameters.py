@@ -44,6 +44,7 @@ def pipeline_parameters(config: Config, fence: Geofence, hover_thrust: float | N
             tilt_rad=radians(config.safety.tilt_max_deg),
             speed_m_s=config.safety.speed_max_m_s,
             deviation_m=config.guidance.deviation_max_m,
+            round_trip_s=config.link.round_trip_max_s,
             battery_fraction=config.safety.battery_min_pct / 100.0,
             fence=fence,
             fence_beyond=FlightMode(config.safety.fence.beyond),

@@ -203,6 +203,7 @@ def _supervise(
         goal_active=inputs.window is not None and inputs.window.goal_id is not None,
         latched=inputs.latched,
         deviation_ned_m=_deviation_ned_m(state.flown, estimate.newest),
+        round_trip_s=0.0 if inputs.clock is None else inputs.clock.round_trip_s,
     )
     return safety.step(
         state.supervision,

@@ -57,6 +57,7 @@ class Link(Section):
 
     connection: str = "udpin://0.0.0.0:14540"
     lost_s: float = _number(1.4, 5.0, "s")
+    round_trip_max_s: float = _number(0.02, 1.0, "s")
 
     @field_validator("connection")
     @classmethod

@@ -8,6 +8,7 @@ middle is near the truth. A line through them follows a clock that runs slow (a 
 from collections import deque
 from dataclasses import dataclass
 from math import inf, sqrt
+from statistics import median_low
 
 from daemon.autopilot.px4 import Fields, Message
 from daemon.messages import ClockSync
@@ -15,6 +16,7 @@ from daemon.messages import ClockSync
 REQUEST_S = 0.1  # between requests, as often as PX4 asks
 WINDOW_S = 3.0
 LEAST = 4  # exchanges that make a first estimate
+RECENT_S = 0.5  # of exchanges that tell what the link takes now: one or two that were held up tell nothing
 STALE_S = 1.0  # without an answer for so long nothing is known
 _KEPT = 64  # requests whose answers are awaited: there and back in six seconds
 _STEP_MARGIN_S = 0.01  # of a bound that is broken when a clock stepped; a simulator's clock has steps of 4 ms
@@ -111,7 +113,14 @@ def fitted(window: list[Exchange]) -> ClockSync:
     noise = _noise(points, mean_t, mean_o, slope)
     if spread <= 0.0 or abs(slope) * sqrt(spread) <= _SLOPE_SIGMAS * noise:
         slope, noise = 0.0, _noise(points, mean_t, mean_o, 0.0)
-    return ClockSync(newest, mean_o - slope * mean_t, slope, 0.5 * quick[0].round_trip_s + noise)
+    uncertainty_s = 0.5 * quick[0].round_trip_s + noise
+    return ClockSync(newest, mean_o - slope * mean_t, slope, uncertainty_s, _round_trip_s(window))
+
+
+def _round_trip_s(window: list[Exchange]) -> float:
+    """The middle one of the last ``RECENT_S``."""
+    since_s = window[-1].arrival_s - RECENT_S
+    return median_low(e.round_trip_s for e in window if e.arrival_s >= since_s)
 
 
 def _noise(points: list[tuple[float, float]], mean_t: float, mean_o: float, slope: float) -> float:

@@ -12,7 +12,6 @@ from daemon.messages import (
 )
 from daemon.pipeline import Record
 
-ONE_WAY_MAX_S = 0.1  # measured: from 0.3 s on each way the vehicle sinks by metres, however calm the air
 NOT_HEARD = "nothing shows what the autopilot does now"
 
 
@@ -26,9 +25,9 @@ def hindrances(
 ) -> list[str]:
     """``request`` is the newest, read or not; ``patience_s`` after it was asked for, a mode does not come any more.
 
-    ``clock``: what TIMESYNC says, which alone sees how long the link takes: half of the way there and back.
+    ``clock``: what TIMESYNC says, which alone sees how long the link takes.
     """
-    one_way_s = 0.0 if clock is None else clock.uncertainty_s
+    round_trip_s = 0.0 if clock is None else clock.round_trip_s
     coming = _coming(status, record, request, patience_s)
     return [
         text
@@ -50,7 +49,10 @@ def hindrances(
                 status.battery_charge >= BatteryCharge.CRITICAL,
                 f"the autopilot calls the battery {status.battery_charge.name.lower()}",
             ),
-            (one_way_s > ONE_WAY_MAX_S, f"the link takes {2.0 * one_way_s:.2f} s there and back: too slow to fly by"),
+            (
+                record.conditions.link_slow,
+                f"the link takes {round_trip_s:.2f} s there and back: too slow to fly by (link.round_trip_max_s)",
+            ),
             (not record.conditions.state_usable, "there is no fresh estimate"),
             (record.conditions.estimate_poor, "the position estimate is too uncertain"),
             (record.conditions.estimate_worsens, "the position estimate is becoming uncertain"),

@@ -45,6 +45,7 @@ class Bounds:
     ``innovation``: what the estimate's samples may differ from their prediction, 1 is twenty times a calm flight's.
     ``tilt_rad`` and ``speed_m_s`` are the vehicle's, not the command's. ``battery_fraction`` 0 switches that one off.
     ``deviation_m`` is between the vehicle and its reference, ``sink_m`` how far it sinks below that.
+    ``round_trip_s``: what a link may take there and back for the control law to fly over it.
     """
 
     coast_s: float = 0.2
@@ -64,6 +65,8 @@ class Bounds:
     sink_for_s: float = 0.5
     battery_fraction: float = 0.0
     battery_for_s: float = 5.0
+    round_trip_s: float = 0.1
+    round_trip_for_s: float = 0.3
     drift_m_s: float = 0.5
     drift_for_s: float = 2.0
     hysteresis: float = 0.8
@@ -75,7 +78,8 @@ class Bounds:
 class Facts:
     """One tick's facts: the newest accepted state, its age, what the estimator thinks of it, and the rest by name.
 
-    ``deviation_ned_m`` is from the reference that was flown last to the vehicle.
+    ``deviation_ned_m`` is from the reference that was flown last to the vehicle. ``round_trip_s``: of the link, 0 where
+    nothing is known of it.
     """
 
     status: AutopilotStatus
@@ -89,6 +93,7 @@ class Facts:
     goal_active: bool = False
     latched: bool = False
     deviation_ned_m: Vec3 = ZERO3
+    round_trip_s: float = 0.0
 
 
 @value(eq=True)
@@ -121,6 +126,7 @@ class Conditions:
     tilt_excess: bool = False
     speed_excess: bool = False
     left_behind: bool = False
+    link_slow: bool = False
     fence_crossed: bool = False
     fence_breached: bool = False
     fence_drifts: bool = False
@@ -183,6 +189,7 @@ class Memory:
     speed: Lasting = _NEVER
     deviation: Lasting = _NEVER
     sinking: Lasting = _NEVER
+    round_trip: Lasting = _NEVER
     battery: Lasting = _NEVER
 
 
@@ -229,6 +236,7 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds, **other
         and not memory.disagreement.active
         and not memory.tilt.active
         and not memory.speed.active
+        and not memory.round_trip.active
         and not memory.battery.active
         and memory.breach is None,
         state_usable=usable,
@@ -240,6 +248,7 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds, **other
         tilt_excess=memory.tilt.active,
         speed_excess=memory.speed.active,
         left_behind=memory.deviation.active or memory.sinking.active,
+        link_slow=memory.round_trip.active,
         fence_crossed=outside_m > 0.0,
         fence_breached=memory.breach is not None,
         fence_drifts=memory.drift.active,
@@ -279,6 +288,7 @@ def _remember(memory: Memory, facts: Facts, outside_m: float, now_s: float, boun
         lasting(memory.speed, speed_m_s, bounds.speed_m_s, bounds.speed_for_s, now_s, keep),
         lasting(memory.deviation, norm(facts.deviation_ned_m), bounds.deviation_m, bounds.deviation_for_s, now_s, keep),
         lasting(memory.sinking, below_m, bounds.sink_m, bounds.sink_for_s, now_s, keep),
+        lasting(memory.round_trip, facts.round_trip_s, bounds.round_trip_s, bounds.round_trip_for_s, now_s, keep),
         lasting(memory.battery, shortage, 0.0, bounds.battery_for_s, now_s, keep),
     )
     return memory if after == memory else after

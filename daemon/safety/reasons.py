@@ -31,6 +31,7 @@ REASONS = {
     "speed_excess": "the vehicle became too fast",
     "geofence": "the vehicle left the hard fence",
     "not_followed": "the vehicle did not keep to its place or path; fly slower, or look for wind, load and gains",
+    "link_slow": "the link takes longer there and back than the vehicle can be flown by; the autopilot holds it",
     "landed": "the vehicle is on the ground",
     "battery_low": "the battery is low",
     "goal": "a goal is being flown",

@@ -4,7 +4,8 @@ Engage: setpoints that match the vehicle for ``match_s``, then OFFBOARD is asked
 ``engage_s``. Release: setpoints go on while Hold (or Land, Return) is asked for, again every ``repeat_s`` for a message
 may be lost; refused or not confirmed after ``confirm_s`` it is Land; that too: level for ``level_s``, then silence, so
 that the autopilot's own failsafe starts from level. While the autopilot is not heard nobody knows who has the vehicle:
-setpoints go on, but after ``confirm_s`` it is asked again only once its mode is told. A release from an engage starts
+setpoints go on, but after ``confirm_s`` it is asked again only once its mode is told. Over a slow link a mode has
+``shown_s`` and a round trip to show, where that is longer than ``confirm_s``. A release from an engage starts
 in Hold, and what was asked of the autopilot within ``settle_s`` may still take effect: until then that Hold confirms
 nothing. An OFFBOARD that takes effect after the vehicle is not ours any more is undone.
 """
@@ -32,6 +33,7 @@ class Timing:
     retry_s: float = 0.2
     settle_s: float = 0.2
     confirm_s: float = 0.3
+    shown_s: float = 0.2
     repeat_s: float = 0.05
     level_s: float = 0.2
     request_s: float = 3.0
@@ -84,7 +86,8 @@ def step(
     """One tick: the new supervision, the conditions it saw, and the modes to ask the autopilot for, in order."""
     rebooted = supervision.memory.boot_count not in (None, facts.status.boot_count)
     fresh = request if request is not None and request.serial != supervision.serial else None
-    asked = _requests(supervision, facts.status, fresh, now_s, timing)
+    confirm_s = max(timing.confirm_s, facts.round_trip_s + timing.shown_s)
+    asked = _requests(supervision, facts.status, fresh, now_s, confirm_s, timing)
     memory, conditions = evaluate(supervision.memory, facts, now_s, bounds, rebooted=rebooted, **asked)
     if memory is not supervision.memory:
         supervision = replace(supervision, memory=memory)
@@ -93,7 +96,7 @@ def step(
     if row is not None:
         supervision, modes = _enter(supervision, row.to, row.reason, fresh, facts.status, now_s, timing)
     else:
-        supervision, modes = _continue(supervision, facts.status, now_s, timing)
+        supervision, modes = _continue(supervision, facts.status, now_s, confirm_s, timing)
         if facts.status.heard and _drifts_on(supervision, conditions, bounds, now_s, timing):
             supervision, modes = _ask(replace(supervision, landing_asked=False), bounds.fence_beyond, now_s)
     if supervision.state not in OURS and _awaited(supervision, facts.status, now_s, timing) is None:
@@ -123,7 +126,12 @@ def drive(supervision: Supervision, conditions: Conditions) -> Drive:
 
 
 def _requests(
-    supervision: Supervision, status: AutopilotStatus, fresh: VehicleRequest | None, now_s: float, timing: Timing
+    supervision: Supervision,
+    status: AutopilotStatus,
+    fresh: VehicleRequest | None,
+    now_s: float,
+    confirm_s: float,
+    timing: Timing,
 ) -> dict[str, bool]:
     """The conditions about requests, by name."""
     kind = fresh.kind if fresh else None
@@ -132,7 +140,7 @@ def _requests(
     confirmed = asked is not None and status.mode is asked
     flying = confirmed and in_flight(status)
     fallback = supervision.state is not State.RELEASING and supervision.landing_asked
-    asking_s = 2.0 * timing.confirm_s
+    asking_s = 2.0 * confirm_s
     stale = supervision.state is State.RELEASING and status.mode is FlightMode.HOLD and now_s < supervision.settled_s
     return {
         "engage_asked": kind is RequestKind.ENGAGE,
@@ -245,7 +253,7 @@ def _left_to_undo(
 
 
 def _continue(
-    supervision: Supervision, status: AutopilotStatus, now_s: float, timing: Timing
+    supervision: Supervision, status: AutopilotStatus, now_s: float, confirm_s: float, timing: Timing
 ) -> tuple[Supervision, tuple[FlightMode, ...]]:
     elapsed = now_s - supervision.since_s
     refused = _refused(supervision, status)
@@ -258,22 +266,22 @@ def _continue(
     if overtaken and due and supervision.asks < UNDO_ASKS:
         return _ask(supervision, FlightMode.HOLD, now_s)
     if supervision.state is State.RELEASING:
-        return _hand_over(supervision, refused, status.heard, now_s, timing)
+        return _hand_over(supervision, refused, status.heard, now_s, confirm_s, timing.repeat_s)
     return supervision, ()
 
 
 def _hand_over(
-    supervision: Supervision, refused: bool, heard: bool, now_s: float, timing: Timing
+    supervision: Supervision, refused: bool, heard: bool, now_s: float, confirm_s: float, repeat_s: float
 ) -> tuple[Supervision, tuple[FlightMode, ...]]:
     """A tick of a release: who is asked for what; not to be heard is no answer, so there is no Land for it."""
     if not heard:
         supervision = replace(supervision, unheard_s=now_s)
-        if now_s - supervision.since_s > timing.confirm_s:
+        if now_s - supervision.since_s > confirm_s:
             return supervision, ()
     waited_s = now_s - max(supervision.since_s, supervision.unheard_s)
-    if not supervision.landing_asked and (refused or waited_s > timing.confirm_s):
+    if not supervision.landing_asked and (refused or waited_s > confirm_s):
         return _ask(replace(supervision, landing_asked=True), FlightMode.LAND, now_s)
-    if supervision.asked_mode is not None and not refused and now_s - supervision.asked_s >= timing.repeat_s:
+    if supervision.asked_mode is not None and not refused and now_s - supervision.asked_s >= repeat_s:
         return _ask(supervision, supervision.asked_mode, now_s)
     return supervision, ()
 

@@ -84,6 +84,7 @@ TABLE: tuple[Row, ...] = (
     Row(FLYING, ("speed_excess",), _S.RELEASING, "speed_excess"),
     Row(FLYING, ("fence_breached",), _S.RELEASING, "geofence"),
     Row(FLYING, ("left_behind",), _S.RELEASING, "not_followed"),
+    Row(FLYING, ("link_slow",), _S.RELEASING, "link_slow"),
     Row(FLYING, ("landed",), _S.RELEASING, "landed"),
     Row(FLYING, ("battery_low",), _S.RELEASING, "battery_low"),
     Row(frozenset({_S.HOLDING}), ("goal_active",), _S.TRACKING, "goal"),

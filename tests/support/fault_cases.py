@@ -98,6 +98,7 @@ def _resets(when: str, **more: Any) -> list[Case]:
 
 def _link() -> list[Case]:
     slow = {"loops": {"command_latency_s": 0.07}}
+    slowly = _handed_over("link_slow", 1.2, tilt_deg=50.0)
     failsafe = FlightMode.RETURN
     return [
         Case(name="link loses 10 %", faults=(Link(loss=0.1),)),
@@ -110,6 +111,9 @@ def _link() -> list[Case]:
             tilt_deg=40.0,
             watch_s=30.0,
         ),
+        Case(name="setpoints late by 0.3 s", faults=(Link(delay_s=0.3, direction="up"),), **slowly),
+        Case(name="telemetry late by 0.3 s", faults=(Link(delay_s=0.3, direction="down"),), **slowly),
+        Case(name="link late by 0.15 s each way", faults=(Link(delay_s=0.15),), **slowly),
         Case(name="link jitters by 30 ms", faults=(Link(jitter_s=0.03),), tilt_deg=40.0),
         Case(name="link reorders 10 %", faults=(Link(reordering=0.1),)),
         Case(name="link silent for 0.3 s", faults=(Link(silent=True, duration_s=0.3),)),

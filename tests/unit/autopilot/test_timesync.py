@@ -112,3 +112,23 @@ def test_answers_to_others_and_second_answers_are_not_taken() -> None:
     for _ in range(8):
         sync.receive({"tc1": 5_000_000_000, "ts1": fields["ts1"]}, 1.8)
     assert sync.sync is None
+
+
+def test_the_round_trip_is_what_the_link_takes_now() -> None:
+    sync, remote = TimeSync(), Remote(up_s=0.004, down_s=0.012)
+    now_s = run(sync, remote, 200.0, 4.0)
+    assert sync.sync is not None and sync.sync.round_trip_s == pytest.approx(0.016)
+    remote.down_s = 0.212
+    now_s = run(sync, remote, now_s, 0.5)
+    assert sync.sync.round_trip_s == pytest.approx(0.216), "half a second after it became slow"
+    remote.down_s = 0.012
+    run(sync, remote, now_s, 0.5)
+    assert sync.sync.round_trip_s == pytest.approx(0.016), "and half a second after it ended"
+
+
+def test_two_exchanges_in_five_that_are_held_up_do_not_make_the_link_slow() -> None:
+    sync, remote = TimeSync(), Remote(up_s=0.004, down_s=0.012)
+    now_s = run(sync, remote, 200.0, 4.0)
+    for i in range(30):
+        exchange(sync, remote, now_s + 0.11 * i, down_s=0.09 if i % 5 < 2 else None)
+        assert sync.sync is not None and sync.sync.round_trip_s == pytest.approx(0.016)

@@ -165,7 +165,7 @@ def synced(samples, *, since=0, until=10**9, off_s=0.0, rate=1.0, offset_s=50.0)
     """What TIMESYNC says of ``flight``, off by some error, as of up to 0.1 s before; None outside of the indices."""
     drift = 1.0 / rate - 1.0
     asked = [stamp_us // 100_000 * 100_000 for stamp_us, _, _ in samples]
-    said = [ClockSync(us, offset_s + us * 1e-6 * drift + off_s, drift, 0.001) for us in asked]
+    said = [ClockSync(us, offset_s + us * 1e-6 * drift + off_s, drift, 0.001, 0.002) for us in asked]
     return [sync if since <= i < until else None for i, sync in enumerate(said)]
 
 
@@ -203,7 +203,7 @@ def test_a_timesync_that_puts_samples_into_the_future_is_not_believed():
 def test_an_uncertain_or_old_timesync_is_not_believed():
     samples = slow_way(600)
     for age_us, uncertain_s in ((0, 0.021), (1_010_000, 0.001)):
-        syncs = [ClockSync(stamp_us - age_us, 50.0, 0.0, uncertain_s) for stamp_us, _, _ in samples]
+        syncs = [ClockSync(stamp_us - age_us, 50.0, 0.0, uncertain_s, 0.002) for stamp_us, _, _ in samples]
         found = [f for _, f, _ in run([s[:2] for s in samples], syncs=syncs)]
         assert found[-1] - samples[-1][2] == pytest.approx(WAY_S - LATENCY_S, abs=0.003)
 

@@ -81,11 +81,12 @@ def test_without_a_fresh_estimate_nothing_is_engaged() -> None:
 
 
 @pytest.mark.parametrize(
-    ("one_way_s", "words"), [(0.09, []), (0.75, ["the link takes 1.50 s there and back: too slow to fly by"])]
+    ("link_slow", "words"),
+    [(False, []), (True, ["the link takes 1.50 s there and back: too slow to fly by (link.round_trip_max_s)"])],
 )
-def test_a_link_that_takes_too_long_hinders(one_way_s: float, words: list[str]) -> None:
-    conditions = replace(NOTHING.conditions, state_usable=True, estimate_poor=False)
-    clock = ClockSync(1_000_000, 0.0, 0.0, one_way_s)
+def test_a_link_that_takes_too_long_hinders(link_slow: bool, words: list[str]) -> None:
+    conditions = replace(NOTHING.conditions, state_usable=True, estimate_poor=False, link_slow=link_slow)
+    clock = ClockSync(1_000_000, 0.0, 0.0, uncertainty_s=0.001, round_trip_s=1.5)
     assert hindrances(IN_HOLD, replace(NOTHING, conditions=conditions), None, clock, patience_s=PATIENCE_S) == words
 
 

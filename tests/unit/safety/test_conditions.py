@@ -52,6 +52,7 @@ EXCESSES = {
     "speed": (moving, "speed_excess", 20.0, 0.5),
     "deviation": (off, "left_behind", 4.0, 3.0),
     "sinking": (sinking, "left_behind", 1.0, 0.5),
+    "round trip": (lambda v: replace(CALM, round_trip_s=v), "link_slow", 0.1, 0.3),
 }
 
 
@@ -308,6 +309,7 @@ def test_the_bounds_and_times_are_those_of_the_default_configuration() -> None:
     assert bounds.attitude_disagreement_rad == pytest.approx(radians(safety["attitude_disagreement_deg"]), rel=0.01)
     assert bounds.tilt_rad == pytest.approx(radians(safety["tilt_max_deg"]), rel=0.01)
     assert bounds.deviation_m == written["guidance"]["deviation_max_m"]
+    assert bounds.round_trip_s == written["link"]["round_trip_max_s"]
     assert (bounds.speed_m_s, bounds.battery_fraction) == (safety["speed_max_m_s"], safety["battery_min_pct"])
     assert bounds.fence.hard_margin_m == safety["fence"]["hard_margin_m"]
     assert timing.level_after_s == safety["dead_man_level_s"]

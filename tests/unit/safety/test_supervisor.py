@@ -122,6 +122,7 @@ def test_engaging_ends_in_flight_or_where_it_came_from() -> None:
         ("speed_excess", "speed_excess"),
         ("fence_breached", "geofence"),
         ("left_behind", "not_followed"),
+        ("link_slow", "link_slow"),
         ("landed", "landed"),
         ("battery_low", "battery_low"),
     ],
