@@ -41,7 +41,7 @@ class Reports:
     def autopilot(self) -> results.AutopilotReport:
         """What the autopilot says of itself."""
         status = self._vehicle.autopilot.status.value
-        battery = status.battery_fraction
+        battery, clock = status.battery_fraction, self._vehicle.autopilot.clock.value
         return {
             "connected": status.connected,
             "mode": status.mode.value,
@@ -49,6 +49,7 @@ class Reports:
             "armed": status.armed,
             "landed": status.landed.name.lower(),
             "battery_pct": None if battery is None else round(100.0 * battery, 1),
+            "round_trip_ms": None if clock is None else round(1e3 * clock.round_trip_s, 1),
         }
 
     def vehicle(self) -> results.VehicleReport | None:

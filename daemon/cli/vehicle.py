@@ -57,7 +57,9 @@ def status_lines(status: Status) -> list[str]:
     if autopilot["connected"]:
         battery = f", battery {autopilot['battery_pct']:.0f} %" if autopilot["battery_pct"] is not None else ""
         armed = "armed" if autopilot["armed"] else "disarmed"
-        lines.append(f"autopilot  {autopilot['mode']}, {armed}, {autopilot['landed']}{battery}")
+        way_ms = autopilot["round_trip_ms"]
+        link = f", {way_ms:.0f} ms there and back" if way_ms is not None else ""
+        lines.append(f"autopilot  {autopilot['mode']}, {armed}, {autopilot['landed']}{battery}{link}")
     else:
         lines.append("autopilot  not connected")
     if vehicle is not None:

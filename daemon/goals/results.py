@@ -32,7 +32,7 @@ class Reason(TypedDict):
 
 
 class AutopilotReport(TypedDict):
-    """What the autopilot says of itself."""
+    """What the autopilot says of itself; ``round_trip_ms``: the way there and back by TIMESYNC, null while unknown."""
 
     connected: bool
     mode: str
@@ -40,6 +40,7 @@ class AutopilotReport(TypedDict):
     armed: bool
     landed: str
     battery_pct: float | None
+    round_trip_ms: float | None
 
 
 class VehicleReport(TypedDict):

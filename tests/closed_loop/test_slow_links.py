@@ -4,9 +4,10 @@ import asyncio
 from math import degrees
 
 import pytest
-from support.flight import Flight, fly
+from support.flight import CALLER, Flight, fly
 
 from daemon.frames import tilt_of
+from daemon.goals.methods import NoParams
 from daemon.messages import FlightMode
 from daemon.safety.supervisor import State
 from daemon.sim.faults import Link
@@ -90,3 +91,14 @@ def test_who_configures_the_latency_may_allow_it() -> None:
         assert flight.state is State.HOLDING
 
     fly(scenario, config={"loops": {"command_latency_s": 0.14}, "link": {"round_trip_max_s": 0.2}})
+
+
+def test_the_status_tells_what_the_link_takes() -> None:
+    async def scenario(flight: Flight) -> float | None:
+        await flight.airborne(HEIGHT_M)
+        flight.px4.inject(Link(delay_s=0.03))
+        await asyncio.sleep(1.0)
+        status = await flight.service.status_get(NoParams(), CALLER)
+        return status["autopilot"]["round_trip_ms"]
+
+    assert fly(scenario) == pytest.approx(64.0, abs=5.0)

@@ -61,7 +61,7 @@ class FakeFlight:
         vehicle |= {"attitude_wb": [1.0, 0.0, 0.0, 0.0], "rates_frd_rad_s": [0.0, 0.0, 0.0]}
         vehicle |= {"age_s": 0.004, "covariance_m2": 0.01}
         autopilot = {"connected": True, "mode": "hold", "intended_mode": "hold", "armed": True}
-        autopilot |= {"landed": "in_air", "battery_pct": 87.0}
+        autopilot |= {"landed": "in_air", "battery_pct": 87.0, "round_trip_ms": 4.0}
         return {
             "state": self.state,
             "reasons": [{"code": "ready", "text": "airborne in Hold"}],
