@@ -33,7 +33,8 @@ class SlowedPlan(Plan):
     @property
     def target(self) -> Reference:
         """The place on the plan's way, at rest."""
-        return self.sample(self.end_s)
+        place = self._plan.foreseen(self.start_s + 0.5 * self._slowing_s)
+        return Reference(self.end_s, place.position_ned_m, yaw_rad=place.yaw_rad)
 
     @property
     def path(self) -> Plan:
