@@ -11,9 +11,10 @@ from daemon.goals.hub import Hub
 from daemon.goals.service import Caller, Identity
 from daemon.journal import Journal
 from daemon.live_settings import LiveSettings
-from daemon.loops.commander import Commander, NotPossibleError
+from daemon.loops.commander import Commander
 from daemon.loops.goal_book import GoalEntry
 from daemon.loops.goal_order import Progress
+from daemon.loops.turns import NotPossibleError
 from daemon.loops.vehicle import Vehicle
 from daemon.messages import FlightMode, LandedState
 from daemon.reports import Reports, goal_feedback, goal_record

@@ -15,8 +15,8 @@ from daemon.bench.track import OURS, configuration
 from daemon.config import load
 from daemon.estimation import estimator
 from daemon.estimation.estimator import EstimatorParameters
-from daemon.loops.commander import NotPossibleError
 from daemon.loops.grid import LoopAlarm
+from daemon.loops.turns import NotPossibleError
 from daemon.messages import ZERO3, ExternalPose, Vec3
 from daemon.parameters import geofence, pipeline_parameters
 from daemon.pipeline import Inputs, Record

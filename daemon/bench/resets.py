@@ -17,8 +17,8 @@ from daemon.bench.manoeuvres import RAMP_S, Manoeuvre, hover, leg
 from daemon.bench.track import MAVROS, OURS, Contestant, configuration
 from daemon.estimation.reset_tracker import ResetParameters
 from daemon.frames import angle_between, tilt_of
-from daemon.loops.commander import NotPossibleError
 from daemon.loops.grid import LoopAlarm
+from daemon.loops.turns import NotPossibleError
 from daemon.messages import ZERO3, Quat, Vec3
 from daemon.pipeline import Parameters
 from daemon.settings import Config

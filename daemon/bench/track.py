@@ -13,8 +13,8 @@ from daemon.bench.quantiles import quantile
 from daemon.config import load
 from daemon.control.parameters import mavros_controllers
 from daemon.estimation.predictor import PredictorParameters
-from daemon.loops.commander import NotPossibleError
 from daemon.loops.grid import LoopAlarm
+from daemon.loops.turns import NotPossibleError
 from daemon.messages import ZERO3, Odometry, Vec3
 from daemon.parameters import geofence, pipeline_parameters
 from daemon.pipeline import Parameters

@@ -9,8 +9,8 @@ from daemon.autopilot.port import LinkError
 from daemon.bench.cockpit import Cockpit, Flown
 from daemon.bench.manoeuvres import Manoeuvre
 from daemon.bench.track import HEIGHT_M, MAVROS, OURS, PX4, Condition, Contestant, Run, configuration, figures
-from daemon.loops.commander import NotPossibleError
 from daemon.loops.grid import live_alarm
+from daemon.loops.turns import NotPossibleError
 from daemon.messages import Reference, Setpoint, Vec3
 
 AS_IT_IS = Condition(name="px4")

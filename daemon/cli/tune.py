@@ -76,7 +76,7 @@ def tune(
     from daemon.autopilot.port import LinkError
     from daemon.config import ConfigError, load
     from daemon.endpoint import EndpointInUseError
-    from daemon.loops.commander import NotPossibleError
+    from daemon.loops.turns import NotPossibleError
     from daemon.sim import airframe_files
     from daemon.tuning.experiment import StoppedError
     from daemon.tuning.measurement import PoorDataError, measure

@@ -8,7 +8,8 @@ from daemon import logs
 from daemon.autopilot.port import Autopilot, CommandTimeoutError
 from daemon.guidance.parameters import GuidanceParameters
 from daemon.latest import Latest
-from daemon.loops.commander import Commander, CommandTimeouts
+from daemon.loops.asking import CommandTimeouts
+from daemon.loops.commander import Commander
 from daemon.loops.control_task import ControlTask
 from daemon.loops.flown_parameters import FlownParameters
 from daemon.loops.garbage import Garbage
@@ -150,7 +151,7 @@ class Vehicle:
         One that was armed here and stands on the ground is disarmed.
         The active goal ends ``aborted``, ``stopping``; there is none after it.
         """
-        self.commander.stopping = True
+        self.commander.stop()
         taken = self._is_taken()
         if taken:
             self.commander.post(RequestKind.HOLD)

@@ -7,7 +7,7 @@ from math import degrees, dist, radians
 
 from daemon.config import with_value
 from daemon.frames import down_axis, tilt_of
-from daemon.loops.commander import NotPossibleError
+from daemon.loops.turns import NotPossibleError
 from daemon.loops.vehicle import Vehicle
 from daemon.messages import EstimatedState
 from daemon.pipeline import Inputs, Record

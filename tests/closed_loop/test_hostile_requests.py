@@ -9,7 +9,7 @@ from support.wire import slow_planner
 from daemon.autopilot.port import Command, CommandKind, CommandRefusedError
 from daemon.goals.errors import ErrorCode, ProtocolError
 from daemon.goals.methods import ConfigSet, GoalUpdate
-from daemon.loops.commander import NotPossibleError
+from daemon.loops.turns import NotPossibleError
 from daemon.messages import FlightMode, LandedState
 from daemon.safety.supervisor import OURS, State
 from daemon.sim.faults import GpsLoss, Link, ModesRefused, PilotTakesOver

@@ -8,7 +8,7 @@ import pytest
 from support.flight import Flight, fly
 
 from daemon.autopilot.port import LinkError
-from daemon.loops.commander import NotPossibleError
+from daemon.loops.turns import NotPossibleError
 from daemon.messages import FlightMode
 from daemon.safety.supervisor import State
 from daemon.sim.faults import ModesRefused

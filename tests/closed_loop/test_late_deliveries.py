@@ -9,7 +9,7 @@ from support.flight import Flight, fly
 
 from daemon import frames
 from daemon.goals.errors import ProtocolError
-from daemon.loops.commander import NotPossibleError
+from daemon.loops.turns import NotPossibleError
 from daemon.messages import FlightMode
 from daemon.safety.supervisor import State
 from daemon.sim.faults import BatteryLow, Link

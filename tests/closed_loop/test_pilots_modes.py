@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 from support.flight import Flight, fly
 
-from daemon.loops.commander import Commander, NotPossibleError
+from daemon.loops.commander import Commander
+from daemon.loops.turns import NotPossibleError
 from daemon.messages import FlightMode
 from daemon.safety.supervisor import State
 from daemon.sim.faults import Link, PilotTakesOver

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 from support.flight import Flight, fly
 
-from daemon.loops.commander import NotPossibleError
+from daemon.loops.turns import NotPossibleError
 from daemon.messages import FlightMode, LandedState
 from daemon.safety.supervisor import OURS, State
 from daemon.sim.faults import PilotTakesOver

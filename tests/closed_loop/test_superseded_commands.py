@@ -6,7 +6,7 @@ import pytest
 from support.flight import Flight, fly
 
 from daemon.autopilot.px4 import Fields
-from daemon.loops.commander import NotPossibleError
+from daemon.loops.turns import NotPossibleError
 from daemon.messages import FlightMode, LandedState
 from daemon.safety.supervisor import State
 from daemon.sim.faults import NoAcks, PilotTakesOver

@@ -13,7 +13,7 @@ from support.flight import fly as fly_daemon
 from support.tuning import flown
 
 from daemon.config import load
-from daemon.loops.commander import NotPossibleError
+from daemon.loops.turns import NotPossibleError
 from daemon.loops.vehicle import Vehicle
 from daemon.messages import FlightMode
 from daemon.pipeline import Inputs, Record

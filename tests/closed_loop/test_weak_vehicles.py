@@ -12,7 +12,7 @@ from support.flight import CALLER, Flight, fly
 from daemon.config import default_path
 from daemon.goals.errors import ProtocolError
 from daemon.goals.methods import ConfigSet
-from daemon.loops.commander import NotPossibleError
+from daemon.loops.turns import NotPossibleError
 from daemon.reports import Reports
 from daemon.safety.supervisor import State
 from daemon.sim.airframe_files import load as load_airframe

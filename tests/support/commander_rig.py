@@ -9,7 +9,9 @@ import pytest
 
 from daemon.autopilot.port import Command, CommandKind
 from daemon.latest import Latest
-from daemon.loops.commander import Commander, CommandTimeouts, NotPossibleError
+from daemon.loops.asking import CommandTimeouts
+from daemon.loops.commander import Commander
+from daemon.loops.turns import NotPossibleError
 from daemon.messages import (
     IDENTITY,
     ZERO3,

@@ -9,7 +9,7 @@ import pytest
 
 from daemon.autopilot.port import CommandRefusedError
 from daemon.goals.errors import ProtocolError
-from daemon.loops.commander import NotPossibleError
+from daemon.loops.turns import NotPossibleError
 from daemon.messages import FlightMode
 from daemon.safety.supervisor import State
 from daemon.sim.faults import ArmingRefused, ModesRefused, SteadyWind, WindGust

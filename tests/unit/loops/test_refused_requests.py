@@ -1,4 +1,4 @@
-"""A vehicle request that does not fit, or that the autopilot refuses, is refused in words."""
+"""A vehicle request that does not fit is refused in words."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -8,56 +8,10 @@ from typing import Any
 import pytest
 from support.commander_rig import AIR, GROUND, TIMEOUTS, Vehicle, answers, play, refused
 
-from daemon.autopilot.port import CommandRefusedError, CommandTimeoutError
-from daemon.loops.commander import Commander, NotPossibleError
-from daemon.messages import AutopilotStatus, FlightMode, LandedState, ModeRefusal, RequestKind, SystemStatus
+from daemon.loops.commander import Commander
+from daemon.loops.turns import NotPossibleError
+from daemon.messages import AutopilotStatus, FlightMode, LandedState, RequestKind
 from daemon.safety.supervisor import State
-
-
-def test_an_engage_that_the_autopilot_refuses_says_why() -> None:
-    async def scenario(vehicle: Vehicle) -> None:
-        def engage() -> None:
-            refusal = ModeRefusal(FlightMode.OFFBOARD, "no offboard signal", 0.1)
-            vehicle.set(State.ENGAGING, mode_refusal=refusal)
-            vehicle.later(0.5, State.READY, "engage_refused")
-
-        answers(vehicle, {RequestKind.ENGAGE: engage})
-        with pytest.raises(CommandRefusedError, match=r"did not go to offboard within 2 s \(no offboard signal\)"):
-            await vehicle.commander.engage()
-
-    play(scenario, AIR, State.READY)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"armed": False}, "the vehicle is not armed"),
-        ({"landed": LandedState.LANDING}, "landed state is landing"),
-        ({"mode": FlightMode.RETURN, "intended_mode": FlightMode.RETURN}, "the mode is return, not hold"),
-        ({"intended_mode": FlightMode.OFFBOARD}, "the autopilot intends offboard: a failsafe acts"),
-        ({"system_status": SystemStatus.CRITICAL}, "system status is critical"),
-    ],
-)
-def test_engaging_names_what_is_missing(change: dict[str, Any], words: str) -> None:
-    refused(f"cannot engage: .*{words}", replace(AIR, **change), State.READY, Commander.engage)
-
-
-@pytest.mark.parametrize(
-    ("conditions", "words"),
-    [
-        ({"state_usable": False}, "there is no fresh estimate"),
-        ({"estimate_poor": True}, "estimate is too uncertain"),
-        ({"attitude_disagrees": True}, "attitude and its accelerometer disagree"),
-    ],
-)
-def test_engaging_needs_an_estimate(conditions: dict[str, bool], words: str) -> None:
-    async def scenario(vehicle: Vehicle) -> None:
-        vehicle.see(**conditions)
-        with pytest.raises(NotPossibleError, match=words):
-            await vehicle.commander.engage()
-        assert vehicle.asked == []
-
-    play(scenario, AIR, State.READY)
 
 
 @pytest.mark.parametrize(
@@ -92,47 +46,6 @@ def test_what_does_not_fit_the_state_is_refused_in_words(
     refused(words, status, state, ask)
 
 
-def test_a_failsafe_that_has_the_vehicle_is_not_called_a_pilot() -> None:
-    async def scenario(vehicle: Vehicle) -> None:
-        vehicle.see(failsafe=True)
-        with pytest.raises(NotPossibleError, match="cannot hold: a failsafe of the autopilot acts, in mode position"):
-            await vehicle.commander.hold()
-
-    play(scenario, replace(AIR, mode=FlightMode.POSITION, intended_mode=FlightMode.OFFBOARD), State.FAULT)
-
-
-def test_a_mode_that_the_autopilot_refuses_is_told_in_its_words() -> None:
-    async def scenario(vehicle: Vehicle) -> None:
-        def no() -> None:
-            now_s = asyncio.get_running_loop().time()
-            vehicle.set(State.READY, mode_refusal=ModeRefusal(FlightMode.LAND, "no position", now_s))
-
-        answers(vehicle, {RequestKind.LAND: no})
-        with pytest.raises(CommandRefusedError, match="the autopilot refused land: no position"):
-            await vehicle.commander.land()
-
-    assert play(scenario, AIR, State.READY) < 0.2
-
-
-def test_a_refusal_from_before_the_request_is_not_held_against_it() -> None:
-    async def scenario(vehicle: Vehicle) -> None:
-        await asyncio.sleep(1.0)
-        vehicle.set(State.READY, mode_refusal=ModeRefusal(FlightMode.LAND, "no position", 0.5))
-        with pytest.raises(CommandTimeoutError):
-            await vehicle.commander.land()
-
-    play(scenario, AIR, State.READY)
-
-
-def test_a_daemon_that_stops_engages_no_more() -> None:
-    async def scenario(vehicle: Vehicle) -> None:
-        vehicle.commander.stopping = True
-        with pytest.raises(NotPossibleError, match="the daemon is stopping"):
-            await vehicle.commander.engage()
-
-    play(scenario, AIR, State.READY)
-
-
 def test_without_a_record_nothing_is_connected() -> None:
     async def scenario(vehicle: Vehicle) -> None:
         vehicle.record.set(None)
@@ -141,40 +54,6 @@ def test_without_a_record_nothing_is_connected() -> None:
             await vehicle.commander.arm()
 
     play(scenario)
-
-
-LEAVING = (Commander.hold, Commander.land, Commander.return_home)
-
-
-@pytest.mark.parametrize("ask", LEAVING)
-def test_who_wants_the_vehicle_down_waits_until_it_is_known_who_has_it(
-    ask: Callable[[Commander], Awaitable[None]],
-) -> None:
-    async def scenario(vehicle: Vehicle) -> None:
-        vehicle.later(0.3, State.READY, heard=True, mode=FlightMode.POSITION)
-        with pytest.raises(NotPossibleError, match="a pilot flies in mode position"):
-            await ask(vehicle.commander)
-        assert vehicle.asked == []
-
-    assert play(scenario, replace(AIR, heard=False), State.READY) == pytest.approx(0.3, abs=0.05)
-
-
-@pytest.mark.parametrize("ask", LEAVING)
-def test_and_is_told_when_nothing_shows_it(ask: Callable[[Commander], Awaitable[None]]) -> None:
-    async def scenario(vehicle: Vehicle) -> None:
-        with pytest.raises(NotPossibleError, match="nothing shows what the autopilot does now"):
-            await ask(vehicle.commander)
-        assert (vehicle.asked, vehicle.commander.releases) == ([], 0)
-
-    assert play(scenario, replace(AIR, heard=False), State.READY) == pytest.approx(TIMEOUTS.mode_s, abs=0.1)
-
-
-def test_a_vehicle_that_is_ours_is_given_away_whether_the_autopilot_is_heard_or_not() -> None:
-    async def scenario(vehicle: Vehicle) -> None:
-        answers(vehicle, {RequestKind.HOLD: lambda: vehicle.set(State.READY, mode=FlightMode.HOLD)})
-        await vehicle.commander.hold()
-
-    assert play(scenario, replace(AIR, heard=False, mode=FlightMode.OFFBOARD), State.HOLDING) < 0.1
 
 
 TAKING: list[Any] = [
@@ -219,12 +98,3 @@ def test_and_overtakes_nothing_that_came_while_it_waited(
         assert vehicle.asked == asked
 
     play(scenario, replace(status, heard=False), state)
-
-
-def test_an_engage_goes_on_when_the_autopilot_is_heard_again_within_a_second() -> None:
-    async def scenario(vehicle: Vehicle) -> None:
-        answers(vehicle, {RequestKind.ENGAGE: lambda: vehicle.set(State.HOLDING, mode=FlightMode.OFFBOARD)})
-        vehicle.later(0.5, State.READY, heard=True)
-        await vehicle.commander.engage()
-
-    assert play(scenario, replace(AIR, heard=False), State.READY) == pytest.approx(0.5, abs=0.1)

@@ -1,14 +1,13 @@
-"""Arming, taking off, engaging, holding and coming down: when each is done, and what ends it elsewhere."""
+"""Arming, disarming and taking off: when each is done, and what ends it elsewhere."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from dataclasses import replace
 
 import pytest
-from support.commander_rig import AIR, GROUND, Vehicle, answers, play
+from support.commander_rig import GROUND, Vehicle, answers, play
 
 from daemon.autopilot.port import CommandKind, CommandRefusedError
-from daemon.loops.commander import Commander, NotPossibleError
+from daemon.loops.turns import NotPossibleError
 from daemon.messages import FlightMode, LandedState, RequestKind
 from daemon.safety.supervisor import State
 
@@ -84,71 +83,6 @@ def test_a_take_off_that_ends_elsewhere_says_where() -> None:
     play(scenario, replace(GROUND, armed=True))
 
 
-def test_engaging_opens_the_gate_and_is_done_when_the_vehicle_is_ours() -> None:
-    async def scenario(vehicle: Vehicle) -> None:
-        def engage() -> None:
-            vehicle.set(State.ENGAGING)
-            vehicle.later(0.4, State.HOLDING, mode=FlightMode.OFFBOARD)
-
-        vehicle.gate.latch()
-        answers(vehicle, {RequestKind.ENGAGE: engage})
-        await vehicle.commander.engage()
-        assert not vehicle.gate.latched
-        await vehicle.commander.engage()
-        assert vehicle.asked == [RequestKind.ENGAGE]
-
-    assert play(scenario, AIR, State.READY) == pytest.approx(0.4, abs=0.1)
-
-
-def test_hold_is_done_when_the_supervisor_has_let_go() -> None:
-    async def scenario(vehicle: Vehicle) -> None:
-        def hold() -> None:
-            vehicle.later(0.1, State.RELEASING, mode=FlightMode.HOLD)
-            vehicle.later(0.2, State.READY)
-
-        answers(vehicle, {RequestKind.HOLD: hold})
-        await vehicle.commander.hold()
-        assert vehicle.commander.state is State.READY
-
-    assert play(scenario, replace(AIR, mode=FlightMode.OFFBOARD), State.HOLDING) == pytest.approx(0.2, abs=0.05)
-
-
-@pytest.mark.parametrize(
-    ("ask", "kind", "mode"),
-    [
-        (Commander.land, RequestKind.LAND, FlightMode.LAND),
-        (Commander.return_home, RequestKind.RETURN, FlightMode.RETURN),
-    ],
-)
-def test_coming_down_is_done_when_disarmed(
-    ask: Callable[[Commander], Awaitable[None]], kind: RequestKind, mode: FlightMode
-) -> None:
-    async def scenario(vehicle: Vehicle) -> None:
-        def down() -> None:
-            vehicle.later(0.1, State.LANDING, mode=mode)
-            vehicle.later(30.0, State.LANDING, landed=LandedState.ON_GROUND)
-            vehicle.later(32.0, State.STANDBY, armed=False)
-
-        answers(vehicle, {kind: down})
-        await ask(vehicle.commander)
-        assert vehicle.commander.state is State.STANDBY
-
-    assert play(scenario, AIR, State.READY) == pytest.approx(32.0, abs=0.1)
-
-
-def test_a_landing_that_a_pilot_ends_says_so() -> None:
-    async def scenario(vehicle: Vehicle) -> None:
-        def down() -> None:
-            vehicle.later(0.1, State.LANDING, mode=FlightMode.LAND)
-            vehicle.later(3.0, State.PILOT, "pilot_override", mode=FlightMode.POSITION)
-
-        answers(vehicle, {RequestKind.LAND: down})
-        with pytest.raises(NotPossibleError, match="land ended in state pilot: somebody else changed the mode"):
-            await vehicle.commander.land()
-
-    assert play(scenario, AIR, State.READY) == pytest.approx(3.0, abs=0.1)
-
-
 @pytest.mark.parametrize("waits_for", [RequestKind.HOLD, CommandKind.ARM, CommandKind.TAKEOFF])
 def test_a_take_off_goes_no_further_when_the_daemon_stood_still_meanwhile(
     waits_for: CommandKind | RequestKind,
@@ -174,15 +108,3 @@ def test_a_take_off_goes_no_further_when_the_daemon_stood_still_meanwhile(
         assert vehicle.withdrawn == 2
 
     play(scenario, replace(GROUND, mode=FlightMode.LAND))
-
-
-def test_a_landing_is_waited_for_over_a_standstill() -> None:
-    async def scenario(vehicle: Vehicle) -> None:
-        answers(vehicle, {RequestKind.LAND: lambda: vehicle.later(0.1, State.LANDING, mode=FlightMode.LAND)})
-        landing = asyncio.ensure_future(vehicle.commander.land())
-        await asyncio.sleep(0.5)
-        vehicle.commander.stood_still()
-        vehicle.later(0.5, State.STANDBY, armed=False)
-        await landing
-
-    play(scenario, AIR, State.READY)
