@@ -45,7 +45,8 @@ class SimulatedPx4:
     the wind and of each direction of the link comes from streams of their own.
 
     ``booted_for_s``: how long it has been running when the simulation begins (armable after 5 s).
-    ``truth`` is the physics' state; ``mode``, ``armed`` and so on are read from ``commander``.
+    ``truth`` is the physics' state; ``mode``, ``armed`` and so on are read from ``commander``. ``told``: the mode and
+    the intended one that messages have; a command is answered by a message with those of before, and the next turn's.
     """
 
     def __init__(
@@ -219,6 +220,7 @@ class SimulatedPx4:
         self.announcer = Announcer(self.send)
         chance = next(self._draw) if self._noise else 1.0
         self.commander = Commander(self.parameters, self.announcer, self.send, patience(chance))
+        self.told = (self.commander.mode, self.commander.intended)
         self.receiver = Receiver(self)
         self.sender = Sender(self)
         self.estimator = Estimator(self._draw, noise=self._noise)
@@ -264,6 +266,7 @@ class SimulatedPx4:
     def _command(self) -> None:
         """The commander's turn."""
         commander = self.commander
+        told, self.told = self.told, (commander.mode, commander.intended)
         self._look()
         was_armed = commander.armed
         commander.tick(_COMMANDER_US * 1e-6)
@@ -279,7 +282,7 @@ class SimulatedPx4:
             0.01 * self.parameters["SIM_BAT_MIN_PCT"] if self.parameters["SIM_BAT_DRAIN"] > 0.0 else 0.0,
         )
         self.estimator.gps = self.parameters["SIM_GPS_USED"] > 0
-        if commander.changed or self._steps % _STATUS_STEPS < 3:
+        if commander.changed or told != self.told or self._steps % _STATUS_STEPS < 3:
             commander.changed = False
             self.sender.status_us = self.simulated_us
 

@@ -143,10 +143,7 @@ class Receiver:
         identifier, px4 = integer(p[0]), self._px4
         if identifier == _VERSION_ID:
             px4.send("AUTOPILOT_VERSION", {**_VERSION, "uid": 5283920058631409231 + px4.system_id - 1})
-        elif identifier in TABLE:
-            name = TABLE[identifier][0]
-            px4.send(name, MESSAGES[name](px4, px4.present))
-        else:
+        elif identifier not in TABLE or not px4.sender.send_now(TABLE[identifier][0]):
             return DENIED
         return ACCEPTED
 

@@ -47,6 +47,16 @@ class Sender:
             if fields is not None:
                 px4.send(name, fields)
 
+    def send_now(self, name: str) -> bool:
+        """REQUEST_MESSAGE, answered at once with what is of now. False: there is no news of the mode."""
+        px4 = self._px4
+        if name == "CURRENT_MODE":
+            if not self._has_news(name):
+                return False
+            self._sent_us[name] = px4.simulated_us
+        px4.send(name, MESSAGES[name](px4, px4.present))
+        return True
+
     def _has_news(self, name: str) -> bool:
         if name == "CURRENT_MODE":
             return self.status_us > self._sent_us.get(name, -1)

@@ -18,12 +18,12 @@ _FLAGS_GROUND, _FLAGS_FLYING, _FLAGS_NO_POSITION, _FLAGS_NO_FUSION, _FLAGS_BOOT 
 
 def heartbeat(px4: "SimulatedPx4", sample: Sample) -> Fields:
     """HEARTBEAT."""
-    commander = px4.commander
+    commander, (mode, _) = px4.commander, px4.told
     return {
         "type": 2,
         "autopilot": 12,
-        "base_mode": base_mode(commander.mode, commander.armed),
-        "custom_mode": custom_mode(commander.mode),
+        "base_mode": base_mode(mode, commander.armed),
+        "custom_mode": custom_mode(mode),
         "system_status": int(commander.status),
         "mavlink_version": 3,
     }
@@ -31,11 +31,11 @@ def heartbeat(px4: "SimulatedPx4", sample: Sample) -> Fields:
 
 def current_mode(px4: "SimulatedPx4", sample: Sample) -> Fields:
     """CURRENT_MODE: actual and intended mode."""
-    commander = px4.commander
+    mode, intended = px4.told
     return {
-        "standard_mode": STANDARD_MODE.get(commander.mode, 0),
-        "custom_mode": custom_mode(commander.mode),
-        "intended_custom_mode": custom_mode(commander.intended),
+        "standard_mode": STANDARD_MODE.get(mode, 0),
+        "custom_mode": custom_mode(mode),
+        "intended_custom_mode": custom_mode(intended),
     }
 
 

@@ -187,3 +187,14 @@ def test_offboard_needs_setpoints_first(flight):
     simulated.run(1.1)
     assert simulated.acks() == [(176, 0), (176, 1)]
     assert simulated.px4.mode.value == "hold"
+
+
+def test_a_mode_is_told_on_news_alone_and_a_heartbeat_whenever_it_is_asked_for(flight):
+    """PX4 in SITL: of 40 requests 1 and 40 were answered."""
+    simulated = flight(5.0)
+    simulated.command(511, 436.0, 10000.0)
+    simulated.run(1.1)
+    for i, message_id in enumerate((436.0, 0.0, 436.0, 0.0)):
+        simulated.command(512, message_id)
+        simulated.run(1.12 + 0.02 * i)
+    assert [result for command, result in simulated.acks() if command == 512] == [2, 0, 2, 0]
