@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from support.flight import Flight, fly
 
+from daemon.autopilot.px4 import set_mode
 from daemon.loops.commander import Commander
 from daemon.loops.turns import NotPossibleError
 from daemon.messages import FlightMode
@@ -144,5 +145,21 @@ def test_a_return_that_a_pilot_chooses_as_the_daemon_takes_the_vehicle_is_flown(
         await asyncio.gather(engage, return_exceptions=True)
         assert FlightMode.OFFBOARD in seen, "it did come over the pilot's mode"
         assert (flight.px4.mode, flight.state) == (FlightMode.RETURN, State.PILOT)
+
+    fly(scenario)
+
+
+@pytest.mark.parametrize("lasts_ms", [12, 16, 24, 32, 40])
+def test_a_mode_that_another_one_replaces_soon_is_told_all_the_same(lasts_ms: int) -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne(engage=False)
+        told: list[FlightMode] = []
+        flight.vehicle.control.listeners.append(lambda inputs, _record: told.append(inputs.status.mode))
+        await asyncio.sleep(0.5)
+        flight.px4.receive(*set_mode(FlightMode.RETURN, armed=True), sender_system=255)
+        await asyncio.sleep(1e-3 * lasts_ms)
+        flight.px4.receive(*set_mode(FlightMode.LAND, armed=True), sender_system=255)
+        await flight.until(lambda: told[-1] is FlightMode.LAND, 0.03)
+        assert FlightMode.RETURN in told
 
     fly(scenario)

@@ -166,7 +166,7 @@ def test_streams_that_come_too_slowly_are_named_and_asked_for_again(session: Px4
 
 
 def test_current_mode_at_the_autopilots_own_rate_is_one_of_them(session: Px4Session) -> None:
-    """0.5 Hz unasked, 2 Hz when asked for: a pilot's switch shows up to 2 s late, or within 60 ms."""
+    """0.5 Hz unasked, 2 Hz when asked for: a pilot's switch shows up to 2 s late, or within 28 ms."""
     assert listen(session, answers=len(STREAMS), mode_period=200) == {436}
     assert session.slow_streams.value == ("CURRENT_MODE",)
     assert listen(session, answers=1, mode_period=50, first=205) == set()
