@@ -21,7 +21,8 @@ CMD_ARM = 400
 CMD_SET_MESSAGE_INTERVAL = 511
 CMD_REQUEST_MESSAGE = 512
 
-CURRENT_MODE_ID = 436
+CURRENT_MODE_ID = 436  # asked for by REQUEST_MESSAGE it is denied unless it has changed (measured)
+HEARTBEAT_ID = 0  # sent whenever it is asked for
 
 _BASE_MODE_ARMED = 128
 _BASE_MODE_CUSTOM = 1

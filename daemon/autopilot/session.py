@@ -17,7 +17,7 @@ from daemon.autopilot.port import CommandTimeoutError, NotConnectedError
 from daemon.autopilot.px4 import (
     CMD_SET_MESSAGE_INTERVAL,
     CMD_SET_MODE,
-    CURRENT_MODE_ID,
+    HEARTBEAT_ID,
     Fields,
     Message,
     is_requestable,
@@ -187,7 +187,7 @@ class Px4Session:
 
     def _ask_what_is_now(self, now_s: float) -> None:
         self._mode_asked_s = now_s
-        self._outgoing += [self._time_sync.ask(now_s), request_message(CURRENT_MODE_ID)]
+        self._outgoing += [self._time_sync.ask(now_s), request_message(HEARTBEAT_ID)]
 
     # ---- out
 

@@ -68,3 +68,17 @@ def test_a_long_break_is_told_as_one() -> None:
         assert flight.ended[-1].reason == "estimate_lost"
 
     fly(scenario)
+
+
+@pytest.mark.parametrize("silence_s", [0.25, 0.33, 0.41, 0.55])
+def test_what_the_autopilot_does_is_known_soon_after_a_silence(silence_s: float) -> None:
+    """PX4 tells its mode twice a second, and answers a request for CURRENT_MODE by "denied" while it is the same."""
+
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne(engage=False)
+        flight.px4.inject(Link(silent=True, duration_s=silence_s))
+        await flight.until(lambda: not flight.autopilot.status.value.heard)
+        await flight.until(lambda: not flight.px4.faults.active)
+        assert await flight.until(lambda: flight.autopilot.status.value.heard) < 0.03
+
+    fly(scenario)
