@@ -168,7 +168,8 @@ class AutopilotStatus:
     """What the autopilot says of itself, newest of each message; ``heartbeat_s`` is the last HEARTBEAT's arrival.
 
     ``mode`` is the newest of CURRENT_MODE, HEARTBEAT and EVENT; ``heard``: messages of now flow, and it was told since
-    they do; without it the mode may be of the past. ``boot_count`` steps when the autopilot rebooted.
+    they do; without it the mode may be of the past. ``told_s``: it is not older than this.
+    ``boot_count`` steps when the autopilot rebooted.
     ``battery_charge`` is that of the worst battery, ``battery_id``.
     """
 
@@ -189,6 +190,7 @@ class AutopilotStatus:
     boot_count: int = 0
     mode_refusal: ModeRefusal | None = None
     heard: bool = False
+    told_s: float = float("-inf")
 
 
 @value

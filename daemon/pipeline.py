@@ -129,7 +129,7 @@ def step(
         sync=inputs.clock,
     )
     state = _with_reset(state, estimate)
-    supervision, conditions, modes = _supervise(state, inputs, estimate, now_s)
+    supervision, conditions, modes = _supervise(state, inputs, estimate, now_s, dt_s)
     how = safety.drive(supervision, conditions)
     act_s = now_s + parameters.command_latency_s
     predicted = estimate.newest and predictor.predict(
@@ -189,7 +189,7 @@ def _with_reset(state: PipelineState, estimate: Estimate) -> PipelineState:
 
 
 def _supervise(
-    state: PipelineState, inputs: Inputs, estimate: Estimate, now_s: float
+    state: PipelineState, inputs: Inputs, estimate: Estimate, now_s: float, dt_s: float
 ) -> tuple[Supervision, Conditions, tuple[FlightMode, ...]]:
     facts = Facts(
         status=inputs.status,
@@ -204,6 +204,7 @@ def _supervise(
         latched=inputs.latched,
         deviation_ned_m=_deviation_ned_m(state.flown, estimate.newest),
         round_trip_s=0.0 if inputs.clock is None else inputs.clock.round_trip_s,
+        tick_s=dt_s,
     )
     return safety.step(
         state.supervision,

@@ -36,3 +36,7 @@ class Arrivals:
         """What comes has not waited since before the last silence; ``answered_s`` as ``TimeSync`` has it."""
         unanswered_s = self._last_s - self._silence_ended_s
         return answered_s == -inf or answered_s >= self._silence_ended_s or unanswered_s > UNANSWERED_S
+
+    def sent_after(self, answered_s: float, now_s: float) -> float:
+        """What comes now was sent after this; of an autopilot that does not answer it is believed to come at once."""
+        return now_s if now_s - answered_s > UNANSWERED_S else answered_s

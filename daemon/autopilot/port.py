@@ -83,6 +83,9 @@ class Autopilot(Protocol):
     def stood_still(self) -> None:
         """We stood still: what is known is of before, until something shows what the autopilot does now."""
 
+    def ask_mode(self) -> None:
+        """Ask what the autopilot flies now, without waiting: ``status.told_s`` of the answer is not before this."""
+
     async def read_parameter(self, name: str, timeout_s: float) -> float | int | None:
         """One autopilot parameter, or None where the autopilot does not know it.
 

@@ -92,6 +92,8 @@ class Px4Session:
         }
         for name, after in status_messages.AFTER.items():
             self._handlers[name] = partial(self._on_status, after)
+        for name, after in status_messages.MODE_AFTER.items():
+            self._handlers[name] = partial(self._on_mode, after)
 
     @property
     def wanted(self) -> tuple[str, ...]:
@@ -175,7 +177,7 @@ class Px4Session:
         if heard and (quiet or not self._of_now):
             self._update(heard=False)
         elif not (quiet or heard) and now_s - self._mode_asked_s >= _ASK_MODE_AGAIN_S:
-            self._ask_what_is_now(now_s)
+            self.ask_mode(now_s)
 
     def stood_still(self, now_s: float) -> None:
         """What has come, and waits for us, tells of the past."""
@@ -183,9 +185,10 @@ class Px4Session:
         self._update(heard=False)
         self.monitor.begin(now_s)
         if self._flowing:
-            self._ask_what_is_now(now_s)
+            self.ask_mode(now_s)
 
-    def _ask_what_is_now(self, now_s: float) -> None:
+    def ask_mode(self, now_s: float) -> None:
+        """Ask what the autopilot flies now: ``status.told_s`` of the answer is not before this."""
         self._mode_asked_s = now_s
         self._outgoing += [self._time_sync.ask(now_s), request_message(HEARTBEAT_ID)]
 
@@ -248,6 +251,10 @@ class Px4Session:
         if not self._of_now:
             told = replace(told, heard=False, connected=before.connected)
         self.status.set(told)
+
+    def _on_mode(self, after: status_messages.After, fields: Fields, now_s: float) -> None:
+        self._on_status(after, fields, now_s)
+        self._update(told_s=self._arrivals.sent_after(self._time_sync.answered_s, now_s))
 
     def _count_malformed(self, name: str) -> None:
         self.malformed[name] = self.malformed.get(name, 0) + 1

@@ -50,6 +50,11 @@ class SessionLink:
         self.session.stood_still(asyncio.get_running_loop().time())
         self._flush()
 
+    def ask_mode(self) -> None:
+        """Ask what the autopilot flies now: ``status.told_s`` of the answer is not before this."""
+        self.session.ask_mode(asyncio.get_running_loop().time())
+        self._flush()
+
     async def read_parameter(self, name: str, timeout_s: float) -> float | int | None:
         """One parameter, or None: not known to the autopilot. CommandTimeoutError, NotConnectedError."""
         loop = asyncio.get_running_loop()

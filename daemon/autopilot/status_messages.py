@@ -68,9 +68,8 @@ def _global_origin(status: AutopilotStatus, fields: Fields, _now_s: float) -> Au
     return replace(status, global_origin=decode.global_position(fields, "latitude", "longitude", "altitude"))
 
 
+MODE_AFTER: Mapping[str, After] = {"HEARTBEAT": _heartbeat, "CURRENT_MODE": _current_mode}
 AFTER: Mapping[str, After] = {
-    "HEARTBEAT": _heartbeat,
-    "CURRENT_MODE": _current_mode,
     "EXTENDED_SYS_STATE": _extended_sys_state,
     "SYS_STATUS": _sys_status,
     "BATTERY_STATUS": _battery_status,

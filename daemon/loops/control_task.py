@@ -11,6 +11,7 @@ from daemon.loops.watchers import Watchers
 from daemon.messages import ExternalPose, ReferenceWindow, VehicleRequest
 from daemon.pipeline import Inputs, Parameters, PipelineState, Record
 from daemon.safety.dead_man import SetpointGate
+from daemon.safety.supervisor import State
 
 
 class ControlTask:
@@ -63,6 +64,8 @@ class ControlTask:
         self._gate.tick(setpoint, self._state.control.model.hover_thrust)
         for mode in record.modes:
             self._autopilot.request_mode(mode)
+        if record.supervision.state is State.ENGAGING:
+            self._autopilot.ask_mode()
         self.record.set(record)
         for listener in self.listeners:
             listener(inputs, record)

@@ -79,7 +79,7 @@ class Facts:
     """One tick's facts: the newest accepted state, its age, what the estimator thinks of it, and the rest by name.
 
     ``deviation_ned_m`` is from the reference that was flown last to the vehicle. ``round_trip_s``: of the link, 0 where
-    nothing is known of it.
+    nothing is known of it. ``tick_s``: since the tick before.
     """
 
     status: AutopilotStatus
@@ -94,6 +94,7 @@ class Facts:
     latched: bool = False
     deviation_ned_m: Vec3 = ZERO3
     round_trip_s: float = 0.0
+    tick_s: float = 0.0
 
 
 @value(eq=True)

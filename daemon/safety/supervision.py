@@ -1,13 +1,15 @@
 """Runs the supervisor's table each tick: requests, time limits, and the mode commands that follow; pure.
 
 Engage: setpoints that match the vehicle for ``match_s``, then OFFBOARD is asked for, again after each refusal, until
-``engage_s``. Release: setpoints go on while Hold (or Land, Return) is asked for, again every ``repeat_s`` for a message
-may be lost; refused or not confirmed after ``confirm_s`` it is Land; that too: level for ``level_s``, then silence, so
-that the autopilot's own failsafe starts from level. While the autopilot is not heard nobody knows who has the vehicle:
-setpoints go on, but after ``confirm_s`` it is asked again only once its mode is told. Over a slow link a mode has
-``shown_s`` and a round trip to show, where that is longer than ``confirm_s``. A release from an engage starts
-in Hold, and what was asked of the autopilot within ``settle_s`` may still take effect: until then that Hold confirms
-nothing. An OFFBOARD that takes effect after the vehicle is not ours any more is undone.
+``engage_s``; each time only once the autopilot has told its mode since then, and since the last tick that came more
+than ``late_s`` after the one before: a pilot may have chosen another one meanwhile. Release: setpoints go on while
+Hold (or Land, Return) is asked for, again every ``repeat_s`` for a message may be lost; refused or not confirmed after
+``confirm_s`` it is Land; that too: level for ``level_s``, then silence, so that the autopilot's own failsafe starts
+from level. While the autopilot is not heard nobody knows who has the vehicle: setpoints go on, but after ``confirm_s``
+it is asked again only once its mode is told. Over a slow link a mode has ``shown_s`` and a round trip to show, where
+that is longer than ``confirm_s``. A release from an engage starts in Hold, and what was asked of the autopilot within
+``settle_s`` may still take effect: until then that Hold confirms nothing. An OFFBOARD that takes effect after the
+vehicle is not ours any more is undone.
 """
 
 from dataclasses import dataclass, field, replace
@@ -29,6 +31,7 @@ class Timing:
     """Time limits of engage and release, seconds."""
 
     match_s: float = 0.2
+    late_s: float = 0.03
     engage_s: float = 2.0
     retry_s: float = 0.2
     settle_s: float = 0.2
@@ -54,8 +57,8 @@ class Supervision:
     """State of the supervisor. ``asked_mode`` is the mode that we asked the autopilot for and have not seen yet;
 
     ``left`` is the reason for which the vehicle was last given back, whatever came after it. From ``settled_s`` on a
-    Hold is an answer to the release; at ``unheard_s`` the autopilot was last not heard in it. ``undo``: what of ours
-    may still come after we let go.
+    Hold is an answer to the release; at ``unheard_s`` the autopilot was last not heard in it. ``due_s``: since when
+    OFFBOARD is to be asked for, inf: not now. ``undo``: what of ours may still come after we let go.
     """
 
     state: State = State.DISCONNECTED
@@ -70,6 +73,7 @@ class Supervision:
     landing_asked: bool = False
     settled_s: float = -inf
     unheard_s: float = -inf
+    due_s: float = inf
     undo: Undo = NOTHING
     memory: Memory = field(default_factory=Memory)
 
@@ -92,11 +96,12 @@ def step(
     if memory is not supervision.memory:
         supervision = replace(supervision, memory=memory)
     was_ours = supervision.state in OURS
+    late = facts.tick_s > timing.late_s
     row = next_row(supervision.state, conditions)
     if row is not None:
-        supervision, modes = _enter(supervision, row.to, row.reason, fresh, facts.status, now_s, timing)
+        supervision, modes = _enter(supervision, row.to, row.reason, fresh, facts.status, late, now_s, timing)
     else:
-        supervision, modes = _continue(supervision, facts.status, now_s, confirm_s, timing)
+        supervision, modes = _continue(supervision, facts.status, late, now_s, confirm_s, timing)
         if facts.status.heard and _drifts_on(supervision, conditions, bounds, now_s, timing):
             supervision, modes = _ask(replace(supervision, landing_asked=False), bounds.fence_beyond, now_s)
     if supervision.state not in OURS and _awaited(supervision, facts.status, now_s, timing) is None:
@@ -197,15 +202,17 @@ def _enter(
     reason: str,
     fresh: VehicleRequest | None,
     status: AutopilotStatus,
+    late: bool,
     now_s: float,
     timing: Timing,
 ) -> tuple[Supervision, tuple[FlightMode, ...]]:
+    """The tick in which a state begins; ``late``: we did not run for a while, so ``status`` may be of the past."""
     before = supervision
     was_ours = before.state in OURS
     if (before.state in FLYING or before.state is State.ENGAGING) and state not in FLYING:
         supervision = replace(supervision, left=reason)
     supervision = replace(supervision, state=state, since_s=now_s, reason=reason, asked_mode=None, asked_s=-inf, asks=0)
-    supervision = replace(supervision, landing_asked=False, settled_s=-inf, unheard_s=-inf)
+    supervision = replace(supervision, landing_asked=False, settled_s=-inf, unheard_s=-inf, due_s=inf)
     supervision = replace(supervision, undo=_left_to_undo(before, state, reason, status, now_s, timing))
     if state is State.RELEASING:
         mode = _MODE_OF[fresh.kind] if fresh is not None and fresh.kind in _MODE_OF else FlightMode.HOLD
@@ -221,8 +228,8 @@ def _enter(
         return replace(supervision, asked_mode=before.asked_mode, asked_s=before.asked_s), ()
     if reason == "land_overtook_hold":
         return _ask(supervision, FlightMode.HOLD, now_s)
-    if state is State.READY and reason in ("engage_refused", "estimate_lost"):
-        # An OFFBOARD that was asked for may still take effect.
+    if state is State.READY and before.asked_mode is FlightMode.OFFBOARD and not late:
+        # It may still take effect.
         return replace(supervision, asked_mode=FlightMode.HOLD, asked_s=now_s), (FlightMode.HOLD,)
     if state is State.DISCONNECTED:
         # Nothing is heard, but the autopilot may still hear us.
@@ -253,14 +260,11 @@ def _left_to_undo(
 
 
 def _continue(
-    supervision: Supervision, status: AutopilotStatus, now_s: float, confirm_s: float, timing: Timing
+    supervision: Supervision, status: AutopilotStatus, late: bool, now_s: float, confirm_s: float, timing: Timing
 ) -> tuple[Supervision, tuple[FlightMode, ...]]:
-    elapsed = now_s - supervision.since_s
     refused = _refused(supervision, status)
     if supervision.state is State.ENGAGING:
-        due = supervision.asks == 0 or (refused and now_s - supervision.asked_s >= timing.retry_s)
-        if elapsed >= timing.match_s and due:
-            return _ask(supervision, FlightMode.OFFBOARD, now_s)
+        return _take(supervision, status, refused, late, now_s, timing)
     overtaken = supervision.reason == "land_overtook_hold" and supervision.asked_mode is FlightMode.HOLD
     due = status.heard and not refused and now_s - supervision.asked_s >= timing.retry_s
     if overtaken and due and supervision.asks < UNDO_ASKS:
@@ -268,6 +272,20 @@ def _continue(
     if supervision.state is State.RELEASING:
         return _hand_over(supervision, refused, status.heard, now_s, confirm_s, timing.repeat_s)
     return supervision, ()
+
+
+def _take(
+    supervision: Supervision, status: AutopilotStatus, refused: bool, late: bool, now_s: float, timing: Timing
+) -> tuple[Supervision, tuple[FlightMode, ...]]:
+    """A tick of an engage; ``late``: we did not run for a while."""
+    due = supervision.asks == 0 or (refused and now_s - supervision.asked_s >= timing.retry_s)
+    if now_s - supervision.since_s < timing.match_s or not due:
+        return supervision, ()
+    if late or supervision.due_s == inf:
+        return replace(supervision, due_s=now_s), ()
+    if status.told_s < supervision.due_s:
+        return supervision, ()
+    return _ask(replace(supervision, due_s=inf), FlightMode.OFFBOARD, now_s)
 
 
 def _hand_over(

@@ -78,6 +78,10 @@ class PulsedAutopilot:
         """See ``Autopilot``."""
         self._autopilot.withdraw_commands()
 
+    def ask_mode(self) -> None:
+        """See ``Autopilot``."""
+        self._autopilot.ask_mode()
+
     def stood_still(self) -> None:
         """See ``Autopilot``."""
         self._autopilot.stood_still()

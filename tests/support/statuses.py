@@ -1,12 +1,14 @@
 """What the autopilot says of itself: on the ground, in its Hold in the air, in offboard."""
 
 from dataclasses import replace
+from math import inf
 
 from daemon.messages import AutopilotStatus, FlightMode, LandedState, SystemStatus
 
 ON_GROUND = AutopilotStatus(
     connected=True,
     heard=True,
+    told_s=inf,
     mode=FlightMode.HOLD,
     intended_mode=FlightMode.HOLD,
     armed=False,

@@ -168,3 +168,21 @@ def test_an_offboard_that_somebody_else_chooses_later_is_left_alone() -> None:
     rig.status(IN_OFFBOARD)
     assert rig.tick(100) is State.PILOT
     assert rig.asked == []
+
+
+def test_offboard_is_asked_for_once_the_mode_was_told_since_it_became_due_and_since_the_last_late_tick() -> None:
+    rig = engaging().status(IN_HOLD, told_s=0.0)
+    rig.tick(50)
+    assert rig.asked == []
+    rig.set(tick_s=0.15).tick()
+    late_s = rig.now_s
+    rig.set(tick_s=0.01).status(IN_HOLD, told_s=late_s - 0.001).tick(10)
+    assert rig.asked == [], "it was told before we stood still"
+    rig.status(IN_HOLD, told_s=late_s).tick()
+    assert [mode for _, mode in rig.asked] == [FlightMode.OFFBOARD]
+
+
+def test_nothing_is_asked_for_when_an_engage_ends_that_never_asked() -> None:
+    rig = engaging().status(IN_HOLD, told_s=0.0)
+    rig.tick(220)
+    assert (rig.supervision.state, rig.supervision.reason, rig.asked) == (State.READY, "engage_refused", [])
