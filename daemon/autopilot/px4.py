@@ -69,6 +69,28 @@ def custom_from_mode(mode: FlightMode) -> int:
     return main << 16 | sub << 24
 
 
+# MAV_TYPE. PX4 takes the thrust of a SET_ATTITUDE_TARGET upwards for a quad-, hexa-, octo- and tricopter and for the
+# helicopters, forwards for what drives or glides, and as none for any other (MavlinkReceiver::fill_thrust).
+_MULTIROTORS = frozenset((2, 13, 14, 15))
+_AIRFRAMES = {
+    1: "a fixed-wing aircraft",
+    3: "a coaxial helicopter",
+    4: "a helicopter",
+    7: "an airship",
+    10: "a rover",
+    11: "a boat",
+    12: "a submarine",
+    **dict.fromkeys(range(19, 26), "a VTOL aircraft"),
+}
+
+
+def airframe(mav_type: int) -> str:
+    """What a MAV_TYPE is in words; empty for a multirotor."""
+    if mav_type in _MULTIROTORS:
+        return ""
+    return f"{_AIRFRAMES.get(mav_type, 'another kind of vehicle')} (MAV_TYPE {mav_type})"
+
+
 def is_requestable(mode: FlightMode) -> bool:
     """True for a mode that ``set_mode`` can ask for."""
     return mode in _MAIN_SUB_BY_MODE

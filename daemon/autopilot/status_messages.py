@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from daemon.autopilot import decode
-from daemon.autopilot.px4 import MAV_AUTOPILOT_PX4, Fields, is_armed, mode_from_custom
+from daemon.autopilot.px4 import MAV_AUTOPILOT_PX4, Fields, airframe, is_armed, mode_from_custom
 from daemon.messages import AutopilotStatus, BatteryCharge, FlightMode, LandedState, SystemStatus
 
 After = Callable[[AutopilotStatus, Fields, float], AutopilotStatus]
@@ -29,6 +29,7 @@ def _heartbeat(status: AutopilotStatus, fields: Fields, now_s: float) -> Autopil
         intended_mode=mode if follows else status.intended_mode,
         armed=is_armed(int(fields["base_mode"])),
         system_status=system_status,
+        airframe=airframe(int(fields["type"])),
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from daemon.autopilot.port import Autopilot, Command, CommandRefusedError, CommandTimeoutError, LinkError
 from daemon.latest import Latest
-from daemon.loops.engageable import NOT_HEARD
+from daemon.loops.engageable import NOT_HEARD, not_flown
 from daemon.loops.turns import NotPossibleError, Turns
 from daemon.messages import AutopilotStatus, FlightMode, LandedState, RequestKind, VehicleRequest
 from daemon.pipeline import Record
@@ -91,6 +91,12 @@ class Asking:
         """Raise ``NotPossibleError`` without an autopilot."""
         if not self.status.connected or self.state is State.DISCONNECTED:
             raise NotPossibleError("no autopilot is connected")
+
+    def require_multirotor(self, what: str) -> None:
+        """Raise ``NotPossibleError`` for any other kind of vehicle."""
+        words = not_flown(self.status)
+        if words:
+            raise NotPossibleError(f"cannot {what}: {words}")
 
     def require_flyable(self, what: str) -> None:
         """Raise ``NotPossibleError`` unless the vehicle is in the air, and no pilot's."""

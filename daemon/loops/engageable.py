@@ -15,6 +15,13 @@ from daemon.pipeline import Record
 NOT_HEARD = "nothing shows what the autopilot does now"
 
 
+def not_flown(status: AutopilotStatus) -> str:
+    """Why this kind of vehicle is not flown at all; empty for a multirotor."""
+    return (
+        f"flightd flies multirotors, and the autopilot says that this is {status.airframe}" if status.airframe else ""
+    )
+
+
 def hindrances(
     status: AutopilotStatus,
     record: Record,
@@ -32,6 +39,7 @@ def hindrances(
     return [
         text
         for fails, text in (
+            (status.airframe != "", not_flown(status)),
             (coming is not None, f"{coming} was asked for and may still come"),
             (not status.heard, NOT_HEARD),
             (not status.armed, "the vehicle is not armed"),

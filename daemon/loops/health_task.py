@@ -7,6 +7,7 @@ from math import inf
 from typing import TYPE_CHECKING
 
 from daemon import frames, logs
+from daemon.loops.engageable import not_flown
 from daemon.loops.grid import Grid
 from daemon.loops.parameter_watch import ParameterWatch
 from daemon.messages import ZERO3, AutopilotStatus, BatteryCharge, FrameShift, Vec3
@@ -72,6 +73,7 @@ class HealthTask:
         charge = status.battery_charge
         low = charge >= BatteryCharge.LOW
         self._tell("battery", f"the autopilot calls the battery {charge.name.lower()}" if low else None)
+        self._tell("airframe", not_flown(status) or None)
         homeless = status.armed and status.home is None and status.home_ned_m is None
         astray = homeless and self._vehicle.config.safety.fence.anchor == "home"
         self._tell("home_unknown", "no home position: the fence lies about the local origin" if astray else None)

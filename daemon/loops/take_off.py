@@ -25,6 +25,7 @@ class TakeOff:
     async def arm(self) -> None:
         """Arm; done when telemetry shows it."""
         await self._asking.until_heard("arm")
+        self._asking.require_multirotor("arm")
         if not self._asking.status.armed:
             await self._arm(self._asking.turns.begin(takes=True))
 
@@ -55,6 +56,7 @@ class TakeOff:
         """Arm if needed and climb to ``altitude_m`` above the take-off point; done in the air and in Hold."""
         asking = self._asking
         await asking.until_heard("take off")
+        asking.require_multirotor("take off")
         status = asking.status
         if asking.state is not State.STANDBY or status.landed is not LandedState.ON_GROUND:
             raise NotPossibleError(f"take-off needs a vehicle on the ground; the state is {asking.state.value}")

@@ -226,6 +226,7 @@ def evaluate(memory: Memory, facts: Facts, now_s: float, bounds: Bounds, **other
         landing=landing,
         engageable=hold
         and status.heard
+        and not status.airframe
         and status.armed
         and status.landed is LandedState.IN_AIR
         and status.system_status is SystemStatus.ACTIVE

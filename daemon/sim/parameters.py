@@ -30,6 +30,7 @@ _DEFAULTS: dict[str, tuple[float | int, int]] = {
     "COM_SPOOLUP_TIME": (1.0, _NO_INDEX),
     "EKF2_HGT_REF": (1, 379),
     "MAV_SYS_ID": (1, _NO_INDEX),
+    "MAV_TYPE": (2, _NO_INDEX),
     "MC_PITCHRATE_MAX": (220.0, 534),
     "MC_ROLLRATE_MAX": (220.0, 542),
     "MC_YAWRATE_MAX": (200.0, 560),

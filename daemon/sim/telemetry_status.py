@@ -20,7 +20,7 @@ def heartbeat(px4: "SimulatedPx4", sample: Sample) -> Fields:
     """HEARTBEAT."""
     commander, (mode, _) = px4.commander, px4.told
     return {
-        "type": 2,
+        "type": int(px4.parameters["MAV_TYPE"]),
         "autopilot": 12,
         "base_mode": base_mode(mode, commander.armed),
         "custom_mode": custom_mode(mode),

@@ -26,6 +26,30 @@ def test_a_pilots_mode_seen_first_in_the_heartbeat_is_not_taken_for_a_failsafe(s
     assert session.status.value.intended_mode is FlightMode.HOLD
 
 
+@pytest.mark.parametrize(
+    ("mav_type", "words"),
+    [
+        *((kind, "") for kind in (2, 13, 14, 15)),
+        (0, "another kind of vehicle (MAV_TYPE 0)"),
+        (1, "a fixed-wing aircraft (MAV_TYPE 1)"),
+        (4, "a helicopter (MAV_TYPE 4)"),
+        (10, "a rover (MAV_TYPE 10)"),
+        (19, "a VTOL aircraft (MAV_TYPE 19)"),
+        (25, "a VTOL aircraft (MAV_TYPE 25)"),
+        (29, "another kind of vehicle (MAV_TYPE 29)"),  # a dodecarotor, which PX4 gives no thrust
+    ],
+)
+def test_what_is_no_multirotor_is_called_by_its_name(session: Px4Session, mav_type: int, words: str) -> None:
+    session.receive("HEARTBEAT", heartbeat(HOLD, type=mav_type), 0.1)
+    assert session.status.value.airframe == words
+
+
+def test_a_ground_station_on_the_link_is_not_the_vehicle(session: Px4Session) -> None:
+    session.receive("HEARTBEAT", heartbeat(HOLD), 0.1)
+    session.receive("HEARTBEAT", heartbeat(0, type=6, autopilot=8), 0.2)
+    assert session.status.value.airframe == ""
+
+
 def test_status_takes_places_and_battery(session: Px4Session) -> None:
     session.receive("SYS_STATUS", {"battery_remaining": 45}, 0.1)
     session.receive("GPS_GLOBAL_ORIGIN", {"latitude": 473977436, "longitude": 85455940, "altitude": 489397}, 0.1)

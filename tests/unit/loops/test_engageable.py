@@ -58,6 +58,7 @@ def test_what_would_hand_the_vehicle_over_at_once_hinders(condition: str, words:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
+        ({"airframe": "a rover (MAV_TYPE 10)"}, "flies multirotors, and the autopilot says that this is a rover"),
         ({"armed": False}, "not armed"),
         ({"landed": LandedState.LANDING}, "landed state is landing"),
         ({"mode": FlightMode.MISSION, "intended_mode": FlightMode.MISSION}, "the mode is mission, not hold"),

@@ -13,6 +13,8 @@ from daemon.loops.turns import NotPossibleError
 from daemon.messages import AutopilotStatus, FlightMode, LandedState, RequestKind
 from daemon.safety.supervisor import State
 
+ROVER = replace(GROUND, airframe="a rover (MAV_TYPE 10)")
+
 
 @pytest.mark.parametrize(
     ("ask", "status", "state", "words"),
@@ -31,6 +33,8 @@ from daemon.safety.supervisor import State
             State.STANDBY,
             "a pilot has armed the vehicle and flies in mode position",
         ),
+        (lambda c: c.takeoff(5.0), ROVER, State.STANDBY, "cannot take off: .* multirotors, .* a rover"),
+        (Commander.arm, ROVER, State.STANDBY, "cannot arm: .* multirotors, .* a rover"),
         (lambda c: c.takeoff(5.0), replace(GROUND, global_position=None), State.STANDBY, "no global position yet"),
         (Commander.engage, GROUND, State.STANDBY, "cannot engage in state standby; take off first"),
         (Commander.hold, GROUND, State.STANDBY, "cannot hold: the vehicle is not in the air"),

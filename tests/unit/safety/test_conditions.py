@@ -260,6 +260,7 @@ def test_what_makes_a_vehicle_engageable_is_needed_all_together() -> None:
     assert Ticks(bounds).run(CALM).engageable
     for spoiled in (
         replace(CALM, status=replace(IN_HOLD, armed=False)),
+        replace(CALM, status=replace(IN_HOLD, airframe="a rover (MAV_TYPE 10)")),
         replace(CALM, status=replace(IN_HOLD, landed=LandedState.LANDING)),
         replace(CALM, status=replace(IN_HOLD, intended_mode=FlightMode.MISSION)),
         replace(CALM, age_s=0.3),

@@ -29,7 +29,7 @@ class TinyPx4:
     def step(self) -> None:
         self.time_us += 4000
         if self.time_us % 1_000_000 == 0:
-            fields = {"autopilot": 12, "base_mode": 29, "custom_mode": self.custom_mode, "system_status": 3}
+            fields = {"type": 2, "autopilot": 12, "base_mode": 29, "custom_mode": self.custom_mode, "system_status": 3}
             self._out.append(("HEARTBEAT", fields))
         if self.time_us % 12_000 == 0:
             self._out.append(("ODOMETRY", self._odometry()))
