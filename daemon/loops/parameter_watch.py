@@ -47,8 +47,9 @@ ADVICE = (
     ),
     Advice(
         "COM_OF_LOSS_T",
-        lambda value: value > 1.0,
-        "set 1.0 s or less: until then the vehicle keeps turning at the last rate when the daemon falls silent",
+        lambda value: not 0.5 <= value <= 1.0,
+        "set 0.5 to 1.0 s: until then the vehicle keeps turning at the last rate when the daemon falls silent, and a "
+        "shorter silence the daemon bridges, or hands over to Hold, by itself",
     ),
     Advice(
         "COM_OBL_RC_ACT",

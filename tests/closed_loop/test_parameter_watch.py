@@ -65,12 +65,21 @@ def test_an_empty_battery_that_nobody_acts_on_is_told(battery_min_pct: float, to
     fly(scenario, parameters={**SOUND, "COM_LOW_BAT_ACT": 0}, config=config)
 
 
-def test_sound_parameters_are_not_told() -> None:
+@pytest.mark.parametrize("loss_s", [0.5, 1.0])
+def test_sound_parameters_are_not_told(loss_s: float) -> None:
     async def scenario(flight: Flight) -> None:
         await standing_by(flight)
         assert warnings(flight) == {}
 
-    fly(scenario, parameters={"COM_RC_OVERRIDE": 3, "COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5})
+    fly(scenario, parameters={**SOUND, "COM_OF_LOSS_T": loss_s})
+
+
+def test_an_autopilot_that_acts_before_the_daemon_does_is_told() -> None:
+    async def scenario(flight: Flight) -> None:
+        await standing_by(flight)
+        assert "set 0.5 to 1.0 s" in warnings(flight)["COM_OF_LOSS_T"]
+
+    fly(scenario, parameters={**SOUND, "COM_OF_LOSS_T": 0.2})
 
 
 @pytest.mark.parametrize(("configured", "flown", "said"), [(None, 0.45, True), (0.6, 0.6, False)])
