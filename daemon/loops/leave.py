@@ -6,7 +6,7 @@ from daemon.autopilot.port import CommandTimeoutError
 from daemon.loops.asking import Asking
 from daemon.loops.engageable import NOT_HEARD
 from daemon.loops.turns import NotPossibleError
-from daemon.messages import FlightMode, RequestKind
+from daemon.messages import FlightMode, LandedState, RequestKind
 from daemon.safety.supervisor import State
 
 
@@ -15,8 +15,13 @@ async def hold(asking: Asking) -> None:
     turn = await _begin(asking, "hold")
     asking.post(RequestKind.HOLD)
     await asking.until_mode(turn, FlightMode.HOLD)
-    done_s = asking.timeouts.mode_s
-    await asking.until(turn, lambda: asking.read and asking.state is State.READY, done_s, "in Hold")
+    await asking.until(turn, lambda: _holds(asking), asking.timeouts.mode_s, "in Hold")
+
+
+def _holds(asking: Asking) -> bool:
+    """In Hold, and the landed state, which comes in a message of its own, no longer that of the mode before."""
+    passing = asking.status.landed in (LandedState.TAKEOFF, LandedState.LANDING)
+    return asking.read and asking.state is State.READY and not passing
 
 
 async def land(asking: Asking) -> None:

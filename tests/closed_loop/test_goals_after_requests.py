@@ -8,7 +8,7 @@ from support.flight import Flight, fly
 from daemon.goals.errors import ErrorCode, ProtocolError
 from daemon.messages import FlightMode
 from daemon.safety.supervisor import FLYING, State
-from daemon.sim.faults import Link, ModesRefused
+from daemon.sim.faults import Link, ModesRefused, PilotTakesOver
 
 MODES = {"land": FlightMode.LAND, "return_home": FlightMode.RETURN}
 
@@ -86,5 +86,19 @@ def test_a_hold_in_the_tick_of_a_goals_acceptance_ends_it_as_canceled() -> None:
         await asyncio.sleep(3.0)
         assert flight.px4.mode is FlightMode.HOLD
         assert flight.sent == []
+
+    fly(scenario)
+
+
+@pytest.mark.parametrize("wait_s", [1.0, 1.02, 1.04, 1.06, 1.08])
+def test_a_goal_may_come_as_soon_as_a_landing_is_ended_by_hold(wait_s: float) -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne(15.0)
+        flight.px4.inject(PilotTakesOver(mode="land"))
+        await asyncio.sleep(wait_s)
+        assert flight.state is State.PILOT
+        await flight.vehicle.commander.hold()
+        entry = await flight.result(await flight.goto(5.0, 0.0, -15.0))
+        assert entry.outcome == "succeeded"
 
     fly(scenario)
