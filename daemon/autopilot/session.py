@@ -7,16 +7,15 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from math import inf, isfinite
+from math import inf
 
 from daemon.autopilot import decode, events, param_reads, status_messages, streams
-from daemon.autopilot.acks import CommandAcks, Done, ModeAcks
+from daemon.autopilot.acks import Done
 from daemon.autopilot.arrivals import QUIET_S, Arrivals
 from daemon.autopilot.ordering import Order, SampleOrder
-from daemon.autopilot.port import CommandTimeoutError, NotConnectedError
+from daemon.autopilot.port import NotConnectedError
 from daemon.autopilot.px4 import (
     CMD_SET_MESSAGE_INTERVAL,
-    CMD_SET_MODE,
     HEARTBEAT_ID,
     Fields,
     Message,
@@ -24,22 +23,14 @@ from daemon.autopilot.px4 import (
     request_message,
     set_mode,
 )
+from daemon.autopilot.requests import Requests
 from daemon.autopilot.timesync import TimeSync
 from daemon.latest import Latest
-from daemon.messages import (
-    AutopilotStatus,
-    ClockSync,
-    FlightMode,
-    Imu,
-    ModeRefusal,
-    Odometry,
-)
+from daemon.messages import AutopilotStatus, ClockSync, FlightMode, Imu, Odometry
 
 SAMPLES = ("ODOMETRY", "HIGHRES_IMU")
 _EVENTS_KEPT = 64
-_PARAM_DOES_NOT_EXIST = 1  # MAV_PARAM_ERROR; any other may be gone when asked again
 _ASK_MODE_AGAIN_S = 0.1
-_REASON_UPDATE_S = 0.2  # an EVENT that explains a refusal comes within a few ms of the ack; generous
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,18 +68,14 @@ class Px4Session:
         self._flowing = False
         self._order = SampleOrder()
         self._time_sync = TimeSync()
-        self._mode_acks = ModeAcks()
-        self._commands = CommandAcks()
-        self._param_reads = param_reads.ParamReads()
-        self._reasons = events.Reasons()
-        self._refused: tuple[int, FlightMode, float] | None = None
+        self._requests = Requests(self.params.system_id, self.params.component_id)
         self._outgoing: list[Message] = []
         self._handlers: dict[str, Callable[[Fields, float], None]] = {
             "EVENT": self._on_event,
             "TIMESYNC": self._on_timesync,
             "COMMAND_ACK": self._on_command_ack,
-            "PARAM_VALUE": self._on_param_value,
-            "PARAM_ERROR": self._on_param_error,
+            "PARAM_VALUE": lambda fields, _now_s: self._requests.parameter(fields),
+            "PARAM_ERROR": lambda fields, _now_s: self._requests.parameter_error(fields),
         }
         for name, after in status_messages.AFTER.items():
             self._handlers[name] = partial(self._on_status, after)
@@ -119,11 +106,7 @@ class Px4Session:
             handler(fields, now_s)
         except (KeyError, TypeError, ValueError, IndexError):
             self._count_malformed(name)
-        status = self.status.value
-        if status.mode is not before.mode:
-            self._commands.mode_changed(status.mode)
-        if status.armed is not before.armed:
-            self._commands.armed_changed(status.armed)
+        self._requests.status_changed(before, self.status.value)
         self._listen(now_s)
 
     def receive_sample(self, name: str, fields: Fields, now_s: float) -> bool:
@@ -157,18 +140,18 @@ class Px4Session:
             self._flowing = False
             self._update(connected=False)
             self._forget_clock()
-            self._forget_waiting("the link to the autopilot was lost")
+            self._requests.forget("the link to the autopilot was lost")
         self._listen(now_s)
         if not self._flowing:
             return
         self._outgoing += self._time_sync.poll(now_s)
         self._publish_clock()
-        self._outgoing += self._commands.poll(now_s, self._why_not_armed(now_s), heard=self.status.value.heard)
+        self._outgoing += self._requests.commands_again(now_s, self.status.value)
         self._outgoing += self.monitor.check(now_s)
         self._publish_slow_streams()
         if self.odometry.value is not None:
             self._outgoing += self.monitor.follow(self.odometry.value.reset_counter)
-        self._outgoing += self._param_reads.poll(now_s)
+        self._outgoing += self._requests.parameters_again(now_s)
 
     def _listen(self, now_s: float) -> None:
         """Notice a silence; as it ends ask for the mode, told within 0.5 s by itself, and for what proves it of now."""
@@ -217,28 +200,27 @@ class Px4Session:
 
     def mode_requested(self, mode: FlightMode, now_s: float) -> None:
         """A ``mode_message`` was sent, or is about to be: its acks are expected."""
-        self._mode_acks.requested(mode, now_s)
-        self._refused = None
+        self._requests.mode_requested(mode, now_s)
         self._update(mode_refusal=None)
 
     def start_command(self, message: Message, now_s: float, timeout_s: float, done: Done) -> None:
         """Send a command and call ``done`` with its error or None; NotConnectedError when there is no autopilot."""
         if not self.status.value.connected:
             raise NotConnectedError("no autopilot is connected")
-        self._commands.start(message, now_s, timeout_s, done)
+        self._requests.start_command(message, now_s, timeout_s, done)
         self._outgoing.append(message)
 
     def drop_command(self, done: Done) -> None:
         """Nobody waits for this command any more: it is not sent again."""
-        self._commands.drop(done)
+        self._requests.drop_command(done)
 
     def withdraw_commands(self) -> None:
         """End every command that waits for its acknowledgement: none is sent again."""
-        self._commands.fail(CommandTimeoutError("the command was withdrawn before it was acknowledged"))
+        self._requests.withdraw_commands()
 
     def read_parameter(self, name: str, now_s: float, timeout_s: float, done: param_reads.Done) -> None:
         """Ask for a parameter and call ``done`` with it, None for one that PX4 does not know, or why none came."""
-        self._outgoing.append(self._param_reads.start(name, now_s, timeout_s, done))
+        self._outgoing.append(self._requests.start_parameter(name, now_s, timeout_s, done))
 
     # ---- messages
 
@@ -270,24 +252,15 @@ class Px4Session:
 
     def _begin_flow(self, now_s: float) -> None:
         self._flowing = True
-        self._ask_for_streams(now_s)
-
-    def _ask_for_streams(self, now_s: float) -> None:
         self._outgoing += streams.requests()
         self.monitor.restart(now_s)
-
-    def _forget_waiting(self, why: str) -> None:
-        self._mode_acks.clear()
-        self._commands.fail(NotConnectedError(why))
-        self._param_reads.fail(NotConnectedError(why))
 
     def _on_reboot(self, now_s: float) -> None:
         self._order.restart()
         self._forget_clock()
-        self._reasons = events.Reasons()
-        self._forget_waiting("the autopilot has rebooted")
+        self._requests.rebooted()
         self.status.set(AutopilotStatus(boot_count=self.status.value.boot_count + 1))
-        self._ask_for_streams(now_s)
+        self._begin_flow(now_s)
 
     def _forget_clock(self) -> None:
         self._time_sync.restart()
@@ -310,51 +283,23 @@ class Px4Session:
 
     def _on_event(self, fields: Fields, now_s: float) -> None:
         event = events.decode(fields)
-        self._reasons.note(event, now_s)
         if event.text is not None and not event.check_states:
             self._events.append(event.text)
+        refusal = self._requests.explained(event, now_s)
         if event.mode is not None:
             self._update(mode=event.mode, heard=self._of_now, intended_mode=event.intended_mode)
         if event.disarmed:
             self._update(armed=False)
-        if event.refusal and self._refused is not None and now_s - self._refused[2] <= _REASON_UPDATE_S:
-            self._publish_refusal(now_s)
+        if refusal is not None:
+            self._update(mode_refusal=refusal)
 
     def _on_command_ack(self, fields: Fields, now_s: float) -> None:
-        if not self._is_ours(fields):
+        if not self._requests.is_ours(fields):
             return
         command, result = int(fields["command"]), int(fields["result"])
         if command == CMD_SET_MESSAGE_INTERVAL:
             self.monitor.acknowledged()
             return
-        if command != CMD_SET_MODE:
-            self._commands.ack(command, result, now_s)
-            return
-        mode = self._mode_acks.ack(result, now_s)
-        if mode is not None:
-            self._refused = (result, mode, now_s)
-            self._publish_refusal(now_s)
-
-    def _publish_refusal(self, now_s: float) -> None:
-        if self._refused is not None:
-            result, mode, time_s = self._refused
-            self._update(mode_refusal=ModeRefusal(mode, self._reasons.why(result, mode, now_s), time_s))
-
-    def _is_ours(self, fields: Fields) -> bool:
-        system, component = int(fields.get("target_system", 0)), int(fields.get("target_component", 0))
-        ours = self.params
-        return (not (system and ours.system_id) or system == ours.system_id) and (
-            not (component and ours.component_id) or component == ours.component_id
-        )
-
-    def _why_not_armed(self, now_s: float) -> Callable[[int], str]:
-        return lambda result: self._reasons.why(result, self.status.value.intended_mode, now_s)
-
-    def _on_param_value(self, fields: Fields, _now_s: float) -> None:
-        value = fields["param_value"]
-        if isinstance(value, int | float) and isfinite(value):
-            self._param_reads.settle(str(fields["param_id"]), value)
-
-    def _on_param_error(self, fields: Fields, _now_s: float) -> None:
-        if int(fields["error"]) == _PARAM_DOES_NOT_EXIST:
-            self._param_reads.settle(str(fields["param_id"]), None)
+        refusal = self._requests.ack(command, result, now_s)
+        if refusal is not None:
+            self._update(mode_refusal=refusal)
