@@ -3,6 +3,10 @@
 A request carries our time, the answer the autopilot's beside it (MAVLink time synchronization protocol). The
 autopilot read its clock between our sending and the arrival, which bounds the offset; of the quickest exchanges the
 middle is near the truth. A line through them follows a clock that runs slow (a simulated autopilot: 1-2 %).
+
+When all exchanges become slower the link has changed, not the clocks: the line is held, or a delay of one direction
+would pass as half of it in each. What the link adds is then known for each direction. The longer it lasts the less the
+line is worth, and slower exchanges count again.
 """
 
 from collections import deque
@@ -20,6 +24,9 @@ RECENT_S = 0.5  # of exchanges that tell what the link takes now: one or two tha
 STALE_S = 1.0  # without an answer for so long nothing is known
 _KEPT = 64  # requests whose answers are awaited: there and back in six seconds
 _STEP_MARGIN_S = 0.01  # of a bound that is broken when a clock stepped; a simulator's clock has steps of 4 ms
+_SLOWER, _SLOWER_S = 1.5, 0.002  # an exchange counts up to so many times half the quickest round trip, and so much more
+_FORGET = 0.0005  # of that quickest one in a second; quartz drifts by a tenth of it
+_DRIFT_SHARE = 0.03  # of an exchange in the drift with which a line is held: the last ones lean on the slower link
 _SLOPE_SIGMAS = 4.0  # a drift that stands out of its own error by less is taken as none
 
 
@@ -45,11 +52,14 @@ class TimeSync:
         self._asked: dict[int, float] = {}
         self._asked_s = -inf
         self._window: deque[Exchange] = deque()
+        self._least_s = inf
+        self._drift = 0.0
 
     def restart(self) -> None:
         """Forget all: another clock, or the same after a long silence."""
         self.sync = None
         self._window.clear()
+        self._least_s = inf
 
     def poll(self, now_s: float) -> list[Message]:
         """The request that is due, if one is. What was known is dropped when answers have stopped."""
@@ -86,7 +96,22 @@ class TimeSync:
         while exchange.arrival_s - window[0].arrival_s > WINDOW_S:
             window.popleft()
         if len(window) >= LEAST:
-            self.sync = fitted(list(window))
+            self.sync = self._line(list(window))
+
+    def _line(self, window: list[Exchange]) -> ClockSync:
+        """Through what is about as quick as ever; while the newest is not, what is known goes on."""
+        newest, before = window[-1], self.sync
+        elapsed_s = 0.0 if before is None else (newest.remote_us - before.stamp_us) * 1e-6
+        self._least_s = min(self._least_s + _FORGET * elapsed_s, 0.5 * min(e.round_trip_s for e in window))
+        quick = [e for e in window if 0.5 * e.round_trip_s <= _SLOWER * self._least_s + _SLOWER_S]
+        round_trip_s = _round_trip_s(window)
+        if before is not None and (len(quick) < LEAST or quick[-1] is not newest):
+            uncertainty_s = before.uncertainty_s + _FORGET * elapsed_s
+            offset_s = before.offset_at(newest.remote_us)
+            return ClockSync(newest.remote_us, offset_s, self._drift, uncertainty_s, round_trip_s)
+        line = fitted(quick if len(quick) >= LEAST else window, newest.remote_us, round_trip_s)
+        self._drift = line.drift if before is None else self._drift + _DRIFT_SHARE * (line.drift - self._drift)
+        return line
 
     def _contradicts(self, exchange: Exchange) -> bool:
         """True when no delay on the way explains the answer: one of the clocks stepped, or stood still."""
@@ -100,9 +125,11 @@ class TimeSync:
         return exchange.remote_us < last.remote_us or abs(exchange.offset_s - expected) > allowed
 
 
-def fitted(window: list[Exchange]) -> ClockSync:
-    """A line through the quicker half of the exchanges, as of the newest; uncertain by half a round trip and noise."""
-    newest = window[-1].remote_us
+def fitted(window: list[Exchange], newest: int, round_trip_s: float) -> ClockSync:
+    """A line through the quicker half of the exchanges, as of ``newest``, microseconds of the autopilot's clock.
+
+    Uncertain by half a round trip and noise.
+    """
     quick = sorted(window, key=lambda e: e.round_trip_s)[: max(LEAST, len(window) // 2)]
     points = [((e.remote_us - newest) * 1e-6, e.offset_s) for e in quick]
     count = len(points)
@@ -114,7 +141,7 @@ def fitted(window: list[Exchange]) -> ClockSync:
     if spread <= 0.0 or abs(slope) * sqrt(spread) <= _SLOPE_SIGMAS * noise:
         slope, noise = 0.0, _noise(points, mean_t, mean_o, 0.0)
     uncertainty_s = 0.5 * quick[0].round_trip_s + noise
-    return ClockSync(newest, mean_o - slope * mean_t, slope, uncertainty_s, _round_trip_s(window))
+    return ClockSync(newest, mean_o - slope * mean_t, slope, uncertainty_s, round_trip_s)
 
 
 def _round_trip_s(window: list[Exchange]) -> float:

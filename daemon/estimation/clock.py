@@ -3,7 +3,8 @@
 The sample that was quickest on its way defines the offset; all others are late by their excess over it, their lag.
 The envelope falls to a quicker sample at once and rises by the estimated drift and a little more, so that it follows a
 clock that runs slow (a simulated autopilot: 1-2 %). A lag that appears from one sample to the next and then stays is a
-step of the clock (a simulation that stood still, a reboot); a lag that comes gradually or drains is the link.
+step of the clock (a simulation that stood still, a reboot); a lag that comes gradually or drains is the link. So is one
+that comes at once with stamps in order while TIMESYNC holds to its clock: the samples are as old as that.
 
 The envelope does not see what even the quickest sample took. TIMESYNC does, and is followed where it is there and fits
 to the stamps; the change between the two is spread over time, for a jump of the clock would be one of the vehicle.
@@ -32,7 +33,8 @@ class ClockParameters:
     ``agreement_s`` of the first (a burst drains faster: 8 ms a sample). Stamps that go back, or are early by more than
     ``ahead_s``, wait for that too.
     ``sync_uncertainty_max_s``, ``sync_age_max_s``: a less certain or older TIMESYNC is not followed; neither is one
-    that puts a sample more than ``sync_margin_s`` beyond its arrival, or the quickest sample's way beyond ``ahead_s``.
+    that puts a sample more than ``sync_margin_s`` beyond its arrival, or the quickest one's way beyond
+    ``sync_way_max_s``. Half of a slow link's way there and back is a better guess of a sample's than none.
     ``slew``: rate of the change from one clock to the other, in seconds a second.
     """
 
@@ -45,9 +47,10 @@ class ClockParameters:
     step_samples: int = 3
     agreement_s: float = 0.01
     ahead_s: float = 0.3
-    sync_uncertainty_max_s: float = 0.02
+    sync_uncertainty_max_s: float = 0.1
     sync_age_max_s: float = 1.0
     sync_margin_s: float = 0.005
+    sync_way_max_s: float = 0.6
     slew: float = 0.02
 
 
@@ -103,10 +106,11 @@ def observe(
     STEPPED and SET_BACK: the stamp is good by a clock that has just been set anew, by a reboot perhaps.
     ``sync``: the newest of TIMESYNC.
     """
-    after, verdict = _enveloped(state, stamp_us, arrival_s, parameters)
+    vouched = state is not None and sync is not None and _fits(state, sync, parameters)
+    after, verdict = _enveloped(state, stamp_us, arrival_s, vouched, parameters)
     if state is None:
         correction = _start(after, sync, parameters)
-    elif verdict is Verdict.GOOD:
+    elif verdict is Verdict.GOOD or (after.offset_s < state.offset_s and sync and _fits(after, sync, parameters)):
         correction = _moved(state, after, sync, parameters)
     else:  # a clock that was set anew keeps it: what TIMESYNC said may still be of the clock before
         correction = state.correction_s
@@ -132,9 +136,12 @@ def _corrected(state: ClockState, correction_s: float) -> ClockState:
 
 
 def _enveloped(
-    state: ClockState | None, stamp_us: int, arrival_s: float, parameters: ClockParameters
+    state: ClockState | None, stamp_us: int, arrival_s: float, vouched: bool, parameters: ClockParameters
 ) -> tuple[ClockState, Verdict]:
-    """The envelope alone. Once it is known, a sample far below it is a step too: forwards, or a delay that ended."""
+    """The envelope. Once it is known, a sample far below it is a step too: forwards, or a delay that ended.
+
+    ``vouched``: TIMESYNC tells the clock; a lag that comes at once with a stamp in order is the link's while it does.
+    """
     observed = arrival_s - stamp_us * 1e-6
     if state is None:
         return started(stamp_us, observed, 0.0, 0), Verdict.GOOD
@@ -147,7 +154,8 @@ def _enveloped(
     orderly = dt > 0.0 and lag >= -parameters.ahead_s
     onset = lag - state.lag_s > 0.75 * parameters.step_s and lag > parameters.step_s
     if not orderly or state.candidate_count > 0 or onset:
-        state, verdict = _candidate(state, stamp_us, observed, lag, parameters)
+        linked = vouched and orderly and lag > 0.0
+        state, verdict = _candidate(state, stamp_us, observed, lag, linked, parameters)
         if verdict is not Verdict.GOOD or not orderly:
             return state, verdict
     if lag < -parameters.step_s and state.slopes:
@@ -156,16 +164,16 @@ def _enveloped(
 
 
 def _candidate(
-    state: ClockState, stamp_us: int, observed: float, lag: float, parameters: ClockParameters
+    state: ClockState, stamp_us: int, observed: float, lag: float, linked: bool, parameters: ClockParameters
 ) -> tuple[ClockState, Verdict]:
-    """Count the samples that agree on another offset; enough of them set the clock."""
+    """Count the samples that agree on another offset; enough of them set the clock, unless it is the link's lag."""
     apart = abs(lag) > parameters.step_s
     agrees = state.candidate_count > 0 and abs(observed - state.candidate_s) <= parameters.agreement_s
     count = state.candidate_count + 1 if agrees else 1
     first = state.candidate_s if agrees else observed
     if not apart:
         count = 0
-    if count >= parameters.step_samples:
+    if count >= parameters.step_samples and not linked:
         verdict = Verdict.SET_BACK if stamp_us < state.stamp_us and lag > parameters.ahead_s else Verdict.STEPPED
         return started(stamp_us, min(first, observed), state.drift, state.slopes), verdict
     waiting = replace(state, candidate_s=first, candidate_count=count)
@@ -217,7 +225,7 @@ def _fits(state: ClockState, sync: ClockSync, parameters: ClockParameters) -> bo
     return (
         sync.uncertainty_s <= parameters.sync_uncertainty_max_s
         and abs(state.stamp_us - sync.stamp_us) * 1e-6 <= parameters.sync_age_max_s
-        and -parameters.sync_margin_s - state.lag_s <= way <= parameters.ahead_s
+        and -parameters.sync_margin_s - state.lag_s <= way <= parameters.sync_way_max_s
     )
 
 

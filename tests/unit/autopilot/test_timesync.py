@@ -132,3 +132,32 @@ def test_two_exchanges_in_five_that_are_held_up_do_not_make_the_link_slow() -> N
     for i in range(30):
         exchange(sync, remote, now_s + 0.11 * i, down_s=0.09 if i % 5 < 2 else None)
         assert sync.sync is not None and sync.sync.round_trip_s == pytest.approx(0.016)
+
+
+def slowed(up_s: float, down_s: float, ramp_s: float, rate: float) -> tuple[TimeSync, float]:
+    """A quick link that becomes slower after 6 s; the largest error of the clock in the 12 s after that."""
+    sync, remote = TimeSync(), Remote(rate, up_s=0.002, down_s=0.002)
+    now_s = run(sync, remote, 200.0, 6.0)
+    since_s, worst, arrivals = now_s, 0.0, []
+    while now_s < since_s + 12.0:
+        grown = min(1.0, (now_s - since_s) / ramp_s) if ramp_s else 1.0
+        for _, fields in sync.poll(now_s):
+            at_s = now_s + remote.up_s + grown * up_s
+            arrivals.append((at_s + remote.down_s + grown * down_s, round(remote.shows_s(at_s) * 1e9), fields["ts1"]))
+        while arrivals and arrivals[0][0] <= now_s:
+            arrival_s, tc1, ts1 = arrivals.pop(0)
+            sync.receive({"tc1": tc1, "ts1": ts1}, arrival_s)
+        worst = max(worst, abs(error_s(sync, remote, now_s)))
+        now_s += 0.02
+    return sync, worst
+
+
+@pytest.mark.parametrize("rate", [1.0, 1.0 + 50e-6, 0.985])
+@pytest.mark.parametrize("ramp_s", [0.0, 3.0, 10.0])
+@pytest.mark.parametrize(("up_s", "down_s"), [(0.1, 0.0), (0.0, 0.1), (0.3, 0.0), (0.0, 0.3), (0.15, 0.15)])
+def test_a_link_that_becomes_slow_in_one_direction_moves_no_clock(
+    up_s: float, down_s: float, ramp_s: float, rate: float
+) -> None:
+    sync, worst = slowed(up_s, down_s, ramp_s, rate)
+    assert worst < 0.003
+    assert sync.sync is not None and sync.sync.round_trip_s == pytest.approx(0.004 + up_s + down_s, abs=1e-4)

@@ -202,7 +202,7 @@ def test_a_timesync_that_puts_samples_into_the_future_is_not_believed():
 
 def test_an_uncertain_or_old_timesync_is_not_believed():
     samples = slow_way(600)
-    for age_us, uncertain_s in ((0, 0.021), (1_010_000, 0.001)):
+    for age_us, uncertain_s in ((0, 0.101), (1_010_000, 0.001)):
         syncs = [ClockSync(stamp_us - age_us, 50.0, 0.0, uncertain_s, 0.002) for stamp_us, _, _ in samples]
         found = [f for _, f, _ in run([s[:2] for s in samples], syncs=syncs)]
         assert found[-1] - samples[-1][2] == pytest.approx(WAY_S - LATENCY_S, abs=0.003)
@@ -219,3 +219,30 @@ def test_a_step_with_timesync_still_of_the_clock_before_costs_no_age(step_s):
     assert sum(verdict in (Verdict.STEPPED, Verdict.SET_BACK) for verdict, _, _ in results[500:]) == 1
     for i in range(504, 520):
         assert results[i][1] == pytest.approx(samples[i][2], abs=0.01)
+
+
+@pytest.mark.parametrize("ramp_s", [0.0, 2.0, 10.0])
+@pytest.mark.parametrize("rate", [1.0, 0.985])
+@pytest.mark.parametrize("delay_s", [0.03, 0.1, 0.3])
+def test_what_a_link_that_became_slow_adds_is_age_while_timesync_tells_the_clock(delay_s, rate, ramp_s):
+    samples, begins, ends = list(flight(3000, rate=rate)), 600, 2400
+    syncs = synced(samples, rate=rate)
+    since_s = samples[begins][1]
+    late = []
+    for i, (stamp, arrival, true) in enumerate(samples):
+        grown = min(1.0, (arrival - since_s) / ramp_s) if ramp_s else 1.0
+        added_s = delay_s * grown if begins <= i < ends else 0.0
+        late.append((stamp, max(arrival + added_s, late[-1][1] if late else 0.0), true))
+    results = list(run([s[:2] for s in late], syncs=syncs))
+    assert {verdict for verdict, _, _ in results[begins:ends]} == {Verdict.GOOD}
+    assert max(abs(found - true) for (_, found, _), (_, _, true) in zip(results, late, strict=True)) < 0.01
+
+
+def test_a_clock_that_stood_still_is_followed_as_soon_as_timesync_no_longer_holds_to_it():
+    samples = slow_way(900)
+    stood = [(s, a + (0.15 if i >= 500 else 0.0)) for i, (s, a, _) in enumerate(samples)]
+    syncs = synced(samples, until=520)
+    results = list(run(stood, syncs=syncs))
+    assert [verdict for verdict, _, _ in results].count(Verdict.STEPPED) == 1
+    for i in range(525, 900):
+        assert results[i][1] == pytest.approx(samples[i][2] + 0.15, abs=0.02)
