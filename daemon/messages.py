@@ -168,9 +168,9 @@ class AutopilotStatus:
     """What the autopilot says of itself, newest of each message; ``heartbeat_s`` is the last HEARTBEAT's arrival.
 
     ``mode`` is the newest of CURRENT_MODE, HEARTBEAT and EVENT; ``heard``: messages of now flow, and it was told since
-    they do; without it the mode may be of the past. ``told_s``: it is not older than this. ``boot_count`` steps when
-    the autopilot rebooted. ``battery_charge`` is that of the worst battery, ``battery_id``. ``airframe``: what it calls
-    the vehicle, in words, when that is no multirotor; else empty.
+    they do; without it the mode may be of the past. ``told_s``: it is not older than this; ``mode_before`` is the one
+    that it came over. ``boot_count`` steps when the autopilot rebooted. ``battery_charge`` is that of the worst battery,
+    ``battery_id``. ``airframe``: what it calls the vehicle, in words, when that is no multirotor; else empty.
     """
 
     connected: bool = False
@@ -192,6 +192,7 @@ class AutopilotStatus:
     heard: bool = False
     told_s: float = float("-inf")
     airframe: str = ""
+    mode_before: FlightMode | None = None
 
 
 @value

@@ -106,7 +106,10 @@ class Px4Session:
             handler(fields, now_s)
         except (KeyError, TypeError, ValueError, IndexError):
             self._count_malformed(name)
-        self._requests.status_changed(before, self.status.value)
+        status = self.status.value
+        if status.mode is not before.mode:
+            self._update(mode_before=before.mode)
+        self._requests.status_changed(before, status)
         self._listen(now_s)
 
     def receive_sample(self, name: str, fields: Fields, now_s: float) -> bool:

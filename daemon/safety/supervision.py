@@ -88,6 +88,7 @@ def step(
     timing: Timing,
 ) -> tuple[Supervision, Conditions, tuple[FlightMode, ...]]:
     """One tick: the new supervision, the conditions it saw, and the modes to ask the autopilot for, in order."""
+    facts = _in_order(supervision.state, facts)
     rebooted = supervision.memory.boot_count not in (None, facts.status.boot_count)
     fresh = request if request is not None and request.serial != supervision.serial else None
     confirm_s = max(timing.confirm_s, facts.round_trip_s + timing.shown_s)
@@ -114,6 +115,15 @@ def step(
             supervision, more = _ask_without_flying(supervision, fresh, facts.status, now_s)
             modes += more
     return supervision, conditions, modes
+
+
+def _in_order(state: State, facts: Facts) -> Facts:
+    """A mode that came and went between two ticks of an engage is seen before the OFFBOARD that came over it."""
+    status = facts.status
+    over = status.mode_before
+    if state is not State.ENGAGING or status.mode is not FlightMode.OFFBOARD or over in (None, FlightMode.HOLD):
+        return facts
+    return replace(facts, status=replace(status, mode=over, intended_mode=over))
 
 
 def drive(supervision: Supervision, conditions: Conditions) -> Drive:

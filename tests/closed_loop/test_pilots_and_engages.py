@@ -55,3 +55,22 @@ def test_the_proof_that_nobody_else_flies_costs_an_engage_a_round_trip(
         assert next(time_s for time_s, mode in flight.asked if mode is FlightMode.OFFBOARD) - since_s < within_s
 
     fly(scenario)
+
+
+@pytest.mark.parametrize(("mode", "ends_in"), [("return", "return"), ("land", "land"), ("position", "hold")])
+def test_a_mode_that_came_and_went_between_two_ticks_is_given_back(mode: str, ends_in: str) -> None:
+    """OFFBOARD comes over it on the way, while the daemon stands still."""
+
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne(engage=False)
+        flight.px4.inject(Link(direction="up", delay_s=0.04))
+        await asyncio.sleep(0.5)
+        engage = asyncio.ensure_future(flight.vehicle.commander.engage())
+        await flight.until(lambda: any(asked is FlightMode.OFFBOARD for _, asked in flight.asked))
+        freeze(flight, 0.1, then=lambda: flight.px4.inject(PilotTakesOver(mode=mode)), before_end_s=0.09)
+        assert flight.px4.mode is FlightMode.OFFBOARD
+        await asyncio.sleep(0.5)
+        assert (flight.px4.mode, flight.state) == (FlightMode(ends_in), State.PILOT)
+        await asyncio.gather(engage, return_exceptions=True)
+
+    fly(scenario)
