@@ -8,11 +8,12 @@ import pytest
 from support.flight import Flight, fly
 
 from daemon import frames
+from daemon.autopilot.px4 import set_mode
 from daemon.goals.errors import ProtocolError
 from daemon.loops.turns import NotPossibleError
 from daemon.messages import FlightMode
 from daemon.safety.supervisor import State
-from daemon.sim.faults import BatteryLow, Link
+from daemon.sim.faults import BatteryLow, Link, PilotTakesOver
 
 
 class StalledUpLink:
@@ -117,3 +118,42 @@ def test_a_vehicle_is_not_taken_over_a_link_that_takes_too_long_to_fly_by(delay_
         assert (flight.px4.mode, flight.sent) == (FlightMode.HOLD, [])
 
     fly(scenario)
+
+
+@pytest.mark.parametrize(("mode", "ends_in"), [("return", "return"), ("position", "hold")])
+@pytest.mark.parametrize("late_s", [0.06, 0.2, 0.5, 0.95, 1.05, 1.5, 2.0])
+def test_stale_setpoints_and_an_offboard_among_them_that_overtake_nobody_for_long(
+    late_s: float, mode: str, ends_in: str
+) -> None:
+    """The link delivers half a second of a hard start again, behind a pilot's mode."""
+
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne(20.0)
+        await flight.goto(40.0, 0.0, -20.0)
+        await _passes(flight, 0.35)
+        receive, stale = flight.px4.receive, list[tuple[str, Any]]()
+
+        def noted(name: str, fields: Any, **sender: Any) -> None:
+            if name == "SET_ATTITUDE_TARGET":
+                stale.append((name, fields))
+            receive(name, fields, **sender)
+
+        flight.px4.receive = noted  # type: ignore[method-assign]
+        await _passes(flight, 0.5)
+        flight.px4.receive = receive  # type: ignore[method-assign]
+        stale.insert(3, set_mode(FlightMode.OFFBOARD, armed=True))
+        flight.px4.inject(PilotTakesOver(mode=mode))
+        await _passes(flight, late_s)
+        tilt_rad, offboard_s = 0.0, 0.0
+        for tick in range(300):
+            if tick < len(stale):
+                receive(*stale[tick])
+            tilt_rad = max(tilt_rad, frames.tilt_of(flight.px4.truth.attitude_wb))
+            offboard_s += 0.01 * (flight.px4.mode is FlightMode.OFFBOARD)
+            await asyncio.sleep(0.01)
+        answered = late_s < 1.0
+        assert flight.px4.mode is (FlightMode(ends_in) if answered else FlightMode.HOLD)
+        assert 0.0 < offboard_s < (0.05 if answered else 1.6)
+        assert degrees(tilt_rad) < 35.0
+
+    fly(scenario, parameters={"COM_OBL_RC_ACT": 5, "COM_RC_OVERRIDE": 3})
