@@ -169,8 +169,8 @@ class AutopilotStatus:
 
     ``mode`` is the newest of CURRENT_MODE, HEARTBEAT and EVENT; ``heard``: messages of now flow, and it was told since
     they do; without it the mode may be of the past. ``told_s``: it is not older than this; ``mode_before`` is the one
-    that it came over. ``boot_count`` steps when the autopilot rebooted. ``battery_charge`` is that of the worst battery,
-    ``battery_id``. ``airframe``: what it calls the vehicle, in words, when that is no multirotor; else empty.
+    that it came over. ``boot_count`` steps when the autopilot rebooted. ``battery_charge`` is that of the worst
+    battery, ``battery_id``. ``airframe``: what it calls the vehicle, in words, when that is no multirotor; else empty.
     """
 
     connected: bool = False

@@ -81,18 +81,22 @@ class _Pending:
     deadline_s: float
     resend_s: float
     result: int | None = None
+    refused_s: float = field(default=float("inf"))
     report_s: float = field(default=float("inf"))
 
 
 class CommandAcks:
     """Commands that wait for their ack, by command number; repeated while there is none.
 
-    A refusal is reported ``reason_wait_s`` after its ack, because the EVENT that explains it follows the ack.
+    A refusal is reported ``reason_wait_s`` after its ack, because the EVENT that explains it follows the ack; after a
+    poll that comes ``late_s`` after the one before, the EVENT may wait to be read: then at the next poll.
     """
 
-    def __init__(self, resend_s: float = 0.5, reason_wait_s: float = 0.05) -> None:
+    def __init__(self, resend_s: float = 0.5, reason_wait_s: float = 0.05, late_s: float = 0.2) -> None:
         self._resend_s = resend_s
         self._reason_wait_s = reason_wait_s
+        self._late_s = late_s
+        self._polled_s = float("inf")
         self._pending: dict[int, _Pending] = {}
 
     def start(self, message: Message, now_s: float, timeout_s: float, done: Done) -> None:
@@ -114,18 +118,22 @@ class CommandAcks:
         elif result == RESULT_IN_PROGRESS:
             pending.resend_s = float("inf")
         else:
-            pending.result, pending.report_s = result, now_s + self._reason_wait_s
+            pending.result, pending.refused_s = result, now_s
+            pending.report_s = now_s + self._reason_wait_s
 
-    def poll(self, now_s: float, why: Callable[[int], str], *, heard: bool) -> list[Message]:
-        """Report what is due; returns what must be sent again. ``why`` puts a MAV_RESULT in words.
+    def poll(self, now_s: float, why: Callable[[int, float], str], *, heard: bool) -> list[Message]:
+        """Report what is due; returns what must be sent again. ``why`` puts a MAV_RESULT of a time in words.
 
         Nothing is repeated before the autopilot is ``heard``: somebody else may have the vehicle by then.
         """
         again: list[Message] = []
+        late, self._polled_s = now_s - self._polled_s > self._late_s, now_s
         for command, pending in list(self._pending.items()):
             if pending.result is not None and now_s >= pending.report_s:
+                if late:
+                    continue
                 del self._pending[command]
-                pending.done(CommandRefusedError(why(pending.result)))
+                pending.done(CommandRefusedError(why(pending.result, pending.refused_s)))
             elif pending.result is None and now_s >= pending.deadline_s:
                 del self._pending[command]
                 pending.done(CommandTimeoutError(f"command {command} was not acknowledged"))

@@ -1,6 +1,5 @@
 """What was asked of the autopilot and waits for its answer: modes, commands, parameters, and why it refused; pure."""
 
-from collections.abc import Callable
 from math import isfinite
 
 from daemon.autopilot import events, param_reads
@@ -65,7 +64,11 @@ class Requests:
 
     def commands_again(self, now_s: float, status: AutopilotStatus) -> list[Message]:
         """Commands to send again; what has waited too long ends."""
-        return self._commands.poll(now_s, self._why_not_armed(status, now_s), heard=status.heard)
+
+        def why_not_armed(result: int, refused_s: float) -> str:
+            return self._reasons.why(result, status.intended_mode, refused_s)
+
+        return self._commands.poll(now_s, why_not_armed, heard=status.heard)
 
     def parameters_again(self, now_s: float) -> list[Message]:
         """Parameters to ask for again; what has waited too long ends."""
@@ -122,6 +125,3 @@ class Requests:
             return None
         result, mode, time_s = self._refused
         return ModeRefusal(mode, self._reasons.why(result, mode, now_s), time_s)
-
-    def _why_not_armed(self, status: AutopilotStatus, now_s: float) -> Callable[[int], str]:
-        return lambda result: self._reasons.why(result, status.intended_mode, now_s)

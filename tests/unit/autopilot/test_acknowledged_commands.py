@@ -285,3 +285,20 @@ def test_nothing_is_repeated_for_what_may_be_of_the_past(session: Px4Session) ->
     session.receive("HEARTBEAT", heartbeat(), 1.1)
     session.poll(1.1)
     assert len(repeats_of(session, 22)) == 1
+
+
+@pytest.mark.parametrize("read_late", [True, False])
+def test_words_that_came_while_we_stood_still_are_told(session: Px4Session, read_late: bool) -> None:
+    """Of an acknowledgement at 0.1 s and the event behind it, until 0.5 s; ``read_late``: they waited in the socket."""
+    outcome, words = Outcome(), {"id": 16910493, "arguments": ""}
+    session.poll(0.05)
+    session.start_command(command_long(400, 1.0), 0.06, 5.0, outcome)
+    session.receive("COMMAND_ACK", ack(400, 1), 0.1)
+    if not read_late:
+        session.receive("EVENT", words, 0.105)
+    session.poll(0.5)
+    if read_late:
+        session.receive("EVENT", words, 0.501)
+    session.poll(0.6)
+    (error,) = outcome.calls
+    assert str(error) == "temporarily rejected; arming denied: resolve system health failures first"
