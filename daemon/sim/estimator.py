@@ -37,7 +37,11 @@ _FUSION_STOPS_AFTER_S = 7.4
 _RETURN_AFTER_S = 1.2
 _SLIDE_S = 0.1
 _VALID_AFTER_RETURN_S = 2.2
-_EXTERNAL_POSITION_PULL_S = 8.0
+_CALM_VARIANCE_M2 = 0.042
+_GPS_RATE_HZ, _GPS_VARIANCE_M2 = 8.0, 0.81
+_EXTERNAL_VARIANCE_M2 = 0.25  # of a position from outside, accurate to 0.5 m
+_GPS_RESET_VARIANCE_M2 = 1.62
+_EXTERNAL_POSITION_PULL_S = 0.8  # recorded: 2.8 m off, 1.75 m after 0.45 s, 0.85 m after 0.95 s
 _EXTERNAL_POSITION_GATE_M = 5.0  # further off than this GPS resets the estimate back
 _EXTERNAL_POSITION_RESET_S = 1.07
 _VELOCITY_RESET_PULL_S = 1.0
@@ -83,6 +87,7 @@ class Estimator:
         self._share = _REST_SHARE
         self._external: Vec3 = ZERO3
         self._external_age_s: float | None = None
+        self._variance_m2, self._variance_age_s = _CALM_VARIANCE_M2, 0.0
         self._velocity_offset: Vec3 = ZERO3
         self.heading_offset_rad = 0.0
         self.heading_fault = False
@@ -94,7 +99,7 @@ class Estimator:
         self._drift: Vec3 = ZERO3
         self.reset_counter = BOOT_RESETS[-1][1]
         self.jumps: list[Jump] = []
-        self.estimate = Estimate(0, ZERO3, ZERO3, IDENTITY, 0.042, self.reset_counter)
+        self.estimate = Estimate(0, ZERO3, ZERO3, IDENTITY, _CALM_VARIANCE_M2, self.reset_counter)
 
     def _normal(self) -> float:
         return next(self._draw) if self._noise else 0.0
@@ -141,11 +146,17 @@ class Estimator:
 
     @property
     def position_variance_m2(self) -> float:
-        """Claimed variance of x and y; the growth fits the recorded loss of GPS within 10 %."""
+        """Claimed variance of x and y; the growth fits the recorded loss of GPS within 10 %.
+
+        A reset to a measurement claims the measurement's, until GPS has told more.
+        """
         t = self.lost_s
         if t > 0.0:
-            return 0.042 + 0.0199 * t * t + 5.78e-4 * t**4
-        return 0.042 + 0.6 * max(0.0, 1.0 - self._since_return_s / _VALID_AFTER_RETURN_S) ** 2
+            return _CALM_VARIANCE_M2 + 0.0199 * t * t + 5.78e-4 * t**4
+        returned = 0.6 * max(0.0, 1.0 - self._since_return_s / _VALID_AFTER_RETURN_S) ** 2
+        fixes = int(_GPS_RATE_HZ * self._variance_age_s)
+        reset = 1.0 / (1.0 / self._variance_m2 + fixes / _GPS_VARIANCE_M2)
+        return max(_CALM_VARIANCE_M2 + returned, reset)
 
     def move_origin(self, delta_ned_m: Vec3) -> None:
         """The local frame's origin moves: positions step by the opposite, for good."""
@@ -156,6 +167,7 @@ class Estimator:
         """Believe to be elsewhere; GPS pulls the estimate back, or resets it when the offset is large."""
         self._external = add(self._external, delta_ned_m)
         self._external_age_s = 0.0
+        self._variance_m2, self._variance_age_s = _EXTERNAL_VARIANCE_M2, 0.0
         self._jump(Jump(position_ned_m=delta_ned_m, count=count))
 
     def offset_velocity(self, delta_ned_m_s: Vec3) -> None:
@@ -177,16 +189,19 @@ class Estimator:
         if self._velocity_offset != ZERO3:
             self._velocity_offset = scale(self._velocity_offset, keep)
         if self._external_age_s is None:
+            self._variance_age_s += STEP_S
             return
         self._external_age_s += STEP_S
         off = max(abs(v) for v in self._external)
         if off > _EXTERNAL_POSITION_GATE_M and self._external_age_s >= _EXTERNAL_POSITION_RESET_S:
             back = scale(self._external, -1.0)
             self._external, self._external_age_s = ZERO3, None
+            self._variance_m2, self._variance_age_s = _GPS_RESET_VARIANCE_M2, 0.0
             turn, self.heading_offset_rad = -self.heading_offset_rad, 0.0
             self.heading_fault = True
             self._jump(Jump(position_ned_m=back, yaw_rad=turn, count=4))
         elif off <= _EXTERNAL_POSITION_GATE_M:
+            self._variance_age_s += STEP_S
             self._external = scale(self._external, 1.0 - STEP_S / _EXTERNAL_POSITION_PULL_S)
 
     def _step_gps(self) -> None:

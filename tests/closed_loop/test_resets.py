@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from support.flight import Flight, fly
 
-from daemon.frames import angle_between, ned_from_global
+from daemon.frames import angle_between, ned_from_global, tilt_of
 from daemon.journal import Journal
 from daemon.messages import FlightMode, GlobalPosition, Quat, Vec3
 from daemon.pipeline import Inputs, Record
@@ -89,6 +89,35 @@ def test_a_lost_gps_hands_the_vehicle_over_before_the_position_is_worthless() ->
         return waited_s
 
     assert fly(scenario, seed=3, noise=True) < 4.5
+
+
+def test_a_wrong_position_that_gps_pulls_back_moves_the_vehicle_by_no_more_than_it_was_wrong() -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne(15.0)
+        await asyncio.sleep(2.0)
+        place, since = flight.position, len(flight.records)
+        flight.px4.inject(EkfReset(kind="position_ne", size_m=3.0, origin=False))
+        await asyncio.sleep(5.0)
+        assert flight.state is State.HOLDING
+        assert 2.0 < flight.position[0] - place[0] < 3.0, "a real PX4 in offboard: 2.7 m"
+        tilts = [degrees(tilt_of(newest.attitude_wb)) for r in flight.records[since:] if (newest := r.estimate.newest)]
+        assert 25.0 < max(tilts) < 40.0, "35 there"
+
+    fly(scenario)
+
+
+def test_a_position_that_gps_takes_back_hands_the_vehicle_over_for_its_variance() -> None:
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne(15.0)
+        place = flight.position
+        flight.px4.inject(EkfReset(kind="position_ne", size_m=11.0, origin=False))
+        await flight.until(lambda: flight.state is State.READY, 1.5)
+        assert "estimate_poor" in {record.supervision.reason for record in flight.records}
+        await asyncio.sleep(3.0)
+        assert dist(flight.position, place) < 1.0
+        await flight.vehicle.commander.engage()
+
+    fly(scenario)
 
 
 @pytest.mark.parametrize(

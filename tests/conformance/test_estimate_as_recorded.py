@@ -16,6 +16,22 @@ def jumps(rows, step):
     return [jump for jump in found if jump[0] > step]
 
 
+AFTER_S = (0.06, 0.45, 0.95)
+
+
+def claimed(simulated, since_s):
+    """The variance of x that ODOMETRY claims after a reset, m2."""
+    rows = simulated.column("ODOMETRY", "pose_covariance")
+    return [rows[np.searchsorted(rows[:, 0], since_s + after_s), 1] for after_s in AFTER_S]
+
+
+def error_m(simulated, at_s):
+    """How far north of the truth the vehicle believes to be."""
+    believed, true = simulated.column("ODOMETRY", "x"), simulated.column("HIL_STATE_QUATERNION", "lat")
+    north_m = (true[:, 1] * 1e-7 - simulated.px4.home.latitude_deg) * 111195.0
+    return np.interp(at_s, believed[:, 0], believed[:, 1]) - np.interp(at_s, true[:, 0], north_m)
+
+
 def test_origin_resets_move_the_recorded_fields_only(recording, flight):
     recorded = recording("ekf_resets")
     rows = recorded.table("rx:ODOMETRY")  # t x y z vx vy vz q0..q3 counter
@@ -68,6 +84,7 @@ def test_an_external_position_jumps_at_once_and_far_ones_are_undone(recording, f
     rows = recorded.table("rx:ODOMETRY")
     simulated = flight(10.0)
     simulated.command(511, 331.0, 20000.0)
+    simulated.command(511, 115.0, 20000.0)
     simulated.run(1.0)
 
     def external(north_m):
@@ -82,16 +99,21 @@ def test_an_external_position_jumps_at_once_and_far_ones_are_undone(recording, f
     wanted = [jump for jump in jumps(rows, 39.0) if jump[0] < 41.0]
     assert [jump[1][-1] for jump in near] == [jump[1][-1] for jump in wanted] == [2.0]
     assert near[0][1][1] == pytest.approx(wanted[0][1][1], abs=0.1)
-    assert simulated.acks() == [(511, 0), (43003, 0)]
+    assert claimed(simulated, near[0][0]) == pytest.approx([0.191, 0.113, 0.080], rel=0.35)  # the same, 39.06 s
+    off = [error_m(simulated, near[0][0] + after_s) for after_s in AFTER_S]
+    assert off == pytest.approx([2.7, 1.75, 0.85], abs=0.25)  # of HIL_STATE_QUATERNION there
+    assert simulated.acks() == [(511, 0), (511, 0), (43003, 0)]
     simulated.run(60.0)
     here = simulated.px4.estimator.estimate.position_ned_m[0]
     external(11.14 + here)
-    simulated.run(62.0)
+    simulated.run(62.5)
     far = jumps(simulated.column("ODOMETRY", "x", "y", "z", "reset_counter"), 60.0)
     wanted = [jump for jump in jumps(rows, 64.0) if jump[0] < 67.0]
     assert [jump[1][-1] for jump in far] == [jump[1][-1] for jump in wanted] == [2.0, 4.0]
     assert far[1][0] - far[0][0] == pytest.approx(wanted[1][0] - wanted[0][0], abs=0.1)
     assert [jump[1][1] for jump in far] == pytest.approx([jump[1][1] for jump in wanted], abs=0.3)
+    assert claimed(simulated, far[0][0]) == pytest.approx([0.25, 0.251, 0.256], rel=0.1)  # 64.06 s: GPS is refused
+    assert claimed(simulated, far[1][0]) == pytest.approx([1.62, 0.233, 0.118], rel=0.35)  # 65.13 s: GPS takes over
 
 
 @pytest.mark.parametrize("kind", ["position_ne", "position_d", "velocity_ne", "velocity_d", "heading"])
