@@ -1,5 +1,6 @@
 """An OFFBOARD that comes after the vehicle is not ours any more: who is asked for what, how often, and until when."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -59,11 +60,12 @@ def test_an_offboard_of_the_past_is_not_answered_when_another_mode_is_of_now() -
     assert rig.asked == []
 
 
-def test_the_answer_is_repeated_thrice_while_offboard_stays_and_then_no_more() -> None:
-    rig = in_failsafe()
+@pytest.mark.parametrize("mode", [FlightMode.HOLD, FlightMode.RETURN])
+def test_the_answer_is_repeated_thrice_while_offboard_stays_and_then_no_more(mode: FlightMode) -> None:
+    rig = in_failsafe(mode)
     rig.status(IN_OFFBOARD)
     rig.tick(500)
-    assert modes(rig) == [FlightMode.HOLD] * 3
+    assert modes(rig) == [mode] * 3
     assert all(0.19 < b - a < 0.22 for (a, _), (b, _) in pairwise(rig.asked))
 
 
@@ -74,6 +76,13 @@ def test_a_return_that_is_refused_becomes_hold() -> None:
     rig.status(IN_OFFBOARD, mode_refusal=ModeRefusal(FlightMode.RETURN, "no home", rig.now_s))
     rig.tick(30)
     assert modes(rig) == [FlightMode.RETURN, FlightMode.HOLD]
+
+
+def test_a_return_that_was_refused_before_the_failsafe_flew_one_is_asked_for_all_the_same() -> None:
+    rig = in_failsafe(FlightMode.RETURN)
+    rig.status(IN_OFFBOARD, mode_refusal=ModeRefusal(FlightMode.RETURN, "no home", 0.0))
+    rig.tick()
+    assert modes(rig) == [FlightMode.RETURN]
 
 
 def test_who_chooses_offboard_after_the_answer_keeps_it() -> None:
@@ -142,3 +151,40 @@ def test_a_late_offboard_does_not_argue_with_what_a_person_has_just_asked_for() 
     rig.ask(RequestKind.LAND).tick()
     rig.status(IN_OFFBOARD).tick(10)
     assert modes(rig) == [FlightMode.LAND]
+
+
+def found_in_offboard_after_a_lost_link(rig: Rig) -> list[FlightMode]:
+    """What the autopilot is asked for when the link comes back."""
+    rig.set(status=replace(rig.facts.status, connected=False))
+    assert rig.tick(50) is State.DISCONNECTED
+    rig.asked.clear()
+    rig.status(IN_OFFBOARD)
+    assert rig.tick(300) is State.PILOT
+    return modes(rig)
+
+
+def test_an_offboard_to_come_is_answered_by_hold_when_it_is_found_after_a_lost_link_too() -> None:
+    """What waited in the link took effect while nothing was heard: nobody flies."""
+    rig = in_failsafe()
+    rig.tick(200)
+    assert found_in_offboard_after_a_lost_link(rig) == [FlightMode.HOLD]
+    rig = tracking().status(IN_HOLD, mode=FlightMode.POSITION, intended_mode=FlightMode.POSITION)
+    rig.tick(90)
+    assert found_in_offboard_after_a_lost_link(rig) == [FlightMode.HOLD]
+
+
+def test_an_offboard_that_was_never_left_is_answered_by_hold_after_a_lost_link_whenever_that_was() -> None:
+    rig = releasing()
+    while rig.tick() is State.RELEASING:
+        pass
+    rig.tick(500)
+    assert found_in_offboard_after_a_lost_link(rig) == [FlightMode.HOLD]
+
+
+def test_an_offboard_that_is_not_ours_is_left_alone_when_it_is_found_after_a_lost_link() -> None:
+    another_program = Rig().status(IN_OFFBOARD)
+    another_program.tick(10)
+    assert found_in_offboard_after_a_lost_link(another_program) == []
+    chosen_long_after = tracking().status(IN_HOLD, mode=FlightMode.POSITION, intended_mode=FlightMode.POSITION)
+    chosen_long_after.tick(110)
+    assert found_in_offboard_after_a_lost_link(chosen_long_after) == []
