@@ -76,6 +76,14 @@ def test_a_gap_that_no_message_waits_through_costs_nothing(flying: Px4Session) -
     assert flying.status.value.heard
 
 
+def test_before_anything_was_ever_heard_nothing_is_asked_and_no_stream_is_missed() -> None:
+    session = Px4Session()
+    for i in range(100):
+        session.poll(2.0 + 0.1 * i)
+    assert session.take_outgoing() == []
+    assert session.slow_streams.value == ()
+
+
 def test_an_autopilot_that_never_answered_timesync_is_believed(session: Px4Session) -> None:
     session.poll(2.0)
     assert not session.status.value.connected
@@ -95,7 +103,7 @@ def test_an_autopilot_that_does_not_answer_any_more_is_believed_after_five_secon
         if flying.status.value.heard and heard_s is None:
             heard_s = now_s - STOOD_S
     assert heard_s == pytest.approx(5.0, abs=0.2)
-    assert flying.status.value.connected
+    assert (flying.status.value.heard, flying.status.value.connected) == (True, True)
     assert "answers to TIMESYNC" in flying.slow_streams.value
 
 
