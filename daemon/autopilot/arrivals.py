@@ -20,7 +20,7 @@ class Arrivals:
 
     def note(self, now_s: float) -> None:
         """A message has come."""
-        if now_s - max(self._last_s, self._silence_ended_s) > QUIET_S and self._last_s > -inf:
+        if now_s - max(self._last_s, self._silence_ended_s) > QUIET_S:
             self._silence_ended_s = now_s
         self._last_s = now_s
 
