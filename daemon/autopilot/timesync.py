@@ -138,7 +138,7 @@ def fitted(window: list[Exchange], newest: int, round_trip_s: float) -> ClockSyn
     spread = sum((t - mean_t) ** 2 for t, _ in points)
     slope = sum((t - mean_t) * (o - mean_o) for t, o in points) / spread if spread > 0.0 else 0.0
     noise = _noise(points, mean_t, mean_o, slope)
-    if spread <= 0.0 or abs(slope) * sqrt(spread) <= _SLOPE_SIGMAS * noise:
+    if abs(slope) * sqrt(spread) <= _SLOPE_SIGMAS * noise:
         slope, noise = 0.0, _noise(points, mean_t, mean_o, 0.0)
     uncertainty_s = 0.5 * quick[0].round_trip_s + noise
     return ClockSync(newest, mean_o - slope * mean_t, slope, uncertainty_s, round_trip_s)
