@@ -83,11 +83,19 @@ def test_a_vehicle_that_drifts_on_beyond_the_hard_fence_is_brought_down_or_back_
         assert rig.tick() is State.LANDING
 
 
-def test_a_hold_that_a_person_asked_for_beyond_the_fence_is_left_alone() -> None:
+@pytest.mark.parametrize("left", ["requested", "battery_low"])
+def test_a_hold_that_was_not_given_for_the_fence_is_left_alone_beyond_it(left: str) -> None:
     rig = tracking()
-    rig.bounds = Bounds(fence=Geofence(ceiling_m=120.0, hard_margin_m=5.0), fence_beyond=FlightMode.LAND)
-    rig.ask(RequestKind.HOLD)
-    rig.tick()
+    rig.bounds = Bounds(
+        fence=Geofence(ceiling_m=120.0, hard_margin_m=5.0), fence_beyond=FlightMode.LAND, battery_fraction=0.1
+    )
+    if left == "requested":
+        rig.ask(RequestKind.HOLD)
+    else:
+        rig.status(IN_OFFBOARD, battery_fraction=0.05)
+    while rig.tick() is not State.RELEASING:
+        assert rig.now_s < 60.0
+    assert rig.supervision.left == left
     rig.status(IN_HOLD)
     assert rig.tick() is State.READY
     rig.asked.clear()
