@@ -5,6 +5,7 @@ event loop. Nothing here uses the offboard plugin, which would repeat setpoints 
 """
 
 import asyncio
+import contextlib
 import itertools
 import json
 import math
@@ -122,7 +123,6 @@ class MavsdkLink(SessionLink):
     """Implements ``Autopilot`` on MAVSDK. ``url`` as MAVSDK's: udpin://127.0.0.1:14540, serial:///dev/ttyAMA0:921600.
 
     ``run`` opens the connection (again and again while that fails), waits for an autopilot and keeps the cells fresh.
-    ``late_callbacks`` counts messages that came after the loop had ended.
     """
 
     def __init__(self, url: str, *, link_timeout_s: float = 1.5) -> None:
@@ -132,7 +132,6 @@ class MavsdkLink(SessionLink):
         params = SessionParams(link_timeout_s=link_timeout_s, system_id=own_ids[0], component_id=own_ids[1])
         super().__init__(Px4Session(params), self._flush_session)
         self.url = url
-        self.late_callbacks = 0
         self._own_ids = own_ids
         self._threads = ThreadStates()
         self._sdk: Mavsdk | None = None
@@ -257,10 +256,8 @@ class MavsdkLink(SessionLink):
 
     def _hand_over(self, function: Callable[..., None], *args: Any) -> None:
         assert self._loop is not None
-        try:
+        with contextlib.suppress(RuntimeError):  # the loop is closed: this message came after the end
             self._loop.call_soon_threadsafe(function, *args)
-        except RuntimeError:  # the loop is closed: this message came after the end
-            self.late_callbacks += 1
 
 
 class _Said:
