@@ -284,13 +284,3 @@ def ned_from_global(position: GlobalPosition, origin: GlobalPosition) -> Vec3:
             )
         ),
     )
-
-
-def global_from_ned(position_ned_m: Vec3, origin: GlobalPosition) -> GlobalPosition:
-    """Local NED about ``origin`` to WGS84; the inverse of ``ned_from_global``."""
-    import pymap3d
-
-    latitude, longitude, altitude = pymap3d.ned2geodetic(
-        *position_ned_m, origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m
-    )
-    return GlobalPosition(float(latitude), float(longitude), float(altitude))

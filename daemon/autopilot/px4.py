@@ -63,12 +63,6 @@ def mode_from_custom(custom_mode: int) -> FlightMode:
     return _MODE_BY_MAIN_SUB.get((main, sub), FlightMode.UNKNOWN)
 
 
-def custom_from_mode(mode: FlightMode) -> int:
-    """PX4's ``custom_mode`` word of a mode; KeyError for UNKNOWN and EXTERNAL, which have no single word."""
-    main, sub = _MAIN_SUB_BY_MODE[mode]
-    return main << 16 | sub << 24
-
-
 # MAV_TYPE. PX4 takes the thrust of a SET_ATTITUDE_TARGET upwards for a quad-, hexa-, octo- and tricopter and for the
 # helicopters, forwards for what drives or glides, and as none for any other (MavlinkReceiver::fill_thrust).
 _MULTIROTORS = frozenset((2, 13, 14, 15))
