@@ -41,6 +41,11 @@ class ActiveGoal:
     within_since_s: float | None = None
     reached_s: float | None = None
 
+    @property
+    def flies(self) -> bool:
+        """Whether it has not ended."""
+        return self.entry.outcome is None
+
     def judge(
         self, plan: Plan, state: EstimatedState, speed_m_s: float, now_s: float
     ) -> tuple[Progress | None, Verdict | None]:

@@ -9,7 +9,7 @@ from support.trajectory_rig import Rig, assert_smooth, run, slow_planning, to
 from daemon.frames import norm, subtract
 from daemon.guidance.goals import PathGoal, Through
 from daemon.guidance.plan import Plan
-from daemon.loops.trajectory_task import PLANNING_S
+from daemon.loops.flown_plan import PLANNING_S
 from daemon.messages import FrameShift
 
 PLANS_OF_A_PATH = 6
