@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 
 from daemon.autopilot.port import Autopilot, Command, CommandRefusedError, CommandTimeoutError, LinkError
 from daemon.latest import Latest
@@ -23,6 +24,7 @@ class CommandTimeouts:
     acknowledge_s: float = 2.0
     heard_s: float = 1.0
     mode_s: float = 2.5
+    crossed_s: float = 0.5
     arm_s: float = 3.0
     engage_s: float = 3.0
     takeoff_s: float = 20.0
@@ -155,13 +157,21 @@ class Asking:
             raise NotPossibleError(f"cannot {what}: {NOT_HEARD}")
 
     async def until_mode(self, turn: int, mode: FlightMode) -> None:
-        """Wait until the autopilot shows the mode. Raises ``CommandRefusedError`` in its words as well."""
-        since_s = asyncio.get_running_loop().time()
+        """Wait until the autopilot shows the mode. Raises ``CommandRefusedError`` in its words as well.
+
+        A pilot's mode that stays for ``crossed_s`` ends the wait: ours came before it, or does not come any more.
+        """
+        loop = asyncio.get_running_loop()
+        since_s, before, crossed_s = loop.time(), self.status.mode, inf
 
         def settled() -> bool:
-            refusal = self.status.mode_refusal
-            if self.status.mode is mode:
+            nonlocal crossed_s
+            now, refusal = self.status.mode, self.status.mode_refusal
+            if now is mode:
                 return True
+            crossed_s = min(crossed_s, loop.time()) if now in PILOT_MODES and now is not before else inf
+            if loop.time() - crossed_s > self.timeouts.crossed_s:
+                raise CommandRefusedError(f"a pilot chose {now.value} meanwhile")
             if refusal is not None and refusal.mode is mode and refusal.time_s >= since_s and self.state not in OURS:
                 raise CommandRefusedError(f"the autopilot refused {mode.value}: {refusal.reason}")
             return False

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from support.flight import Flight, fly
 
+from daemon.autopilot.port import CommandRefusedError
 from daemon.autopilot.px4 import set_mode
 from daemon.loops.commander import Commander
 from daemon.loops.turns import NotPossibleError
@@ -163,3 +164,19 @@ def test_a_mode_that_another_one_replaces_soon_is_told_all_the_same(lasts_ms: in
         assert FlightMode.RETURN in told
 
     fly(scenario)
+
+
+def test_a_hold_that_gets_lost_while_a_pilot_takes_the_vehicle_is_answered_soon_and_in_words() -> None:
+    async def scenario(flight: Flight) -> float:
+        await flight.airborne()
+        flight.px4.inject(Link(direction="up", silent=True, duration_s=0.4))
+        hold = asyncio.ensure_future(flight.vehicle.commander.hold())
+        since_s = flight.now_s
+        await asyncio.sleep(0.1)
+        flight.px4.inject(PilotTakesOver(mode="position"))
+        with pytest.raises(CommandRefusedError, match="a pilot chose position meanwhile"):
+            await hold
+        assert flight.state is State.PILOT
+        return flight.now_s - since_s
+
+    assert fly(scenario) < 0.8
