@@ -13,7 +13,7 @@ from daemon.journal import Journal
 from daemon.messages import FlightMode
 from daemon.reports import Reports
 from daemon.safety.supervisor import State
-from daemon.sim.faults import Fault, ModesRefused
+from daemon.sim.faults import Fault, Link, ModesRefused
 from daemon.telemetry import Telemetry
 
 
@@ -61,6 +61,25 @@ def test_a_task_that_dies_hands_the_vehicle_over_before_the_daemon_ends(
     assert [entry.outcome for entry in flight.ended] == ["aborted"]
     assert flight.ended[0].reason == "task_failed"
     assert flight.vehicle.gate.latched
+
+
+@pytest.mark.parametrize("silent_s", [0.05, 0.25])
+def test_the_hold_of_a_control_task_that_died_is_asked_for_again_when_it_is_lost(
+    silent_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flights: list[Flight] = []
+
+    async def scenario(flight: Flight) -> None:
+        flights.append(flight)
+        await _under_way(flight)
+        flight.px4.inject(Link(direction="up", silent=True, duration_s=silent_s))
+        monkeypatch.setattr("daemon.pipeline.step", _die)
+        await flight.until(lambda: False)
+
+    with pytest.raises(ExceptionGroup):
+        fly(scenario)
+    (flight,) = flights
+    assert flight.px4.mode is FlightMode.HOLD
 
 
 def test_a_listener_that_fails_again_while_the_vehicle_is_given_away_does_not_keep_it() -> None:
