@@ -76,6 +76,9 @@ _scalars = attrgetter(*SAMPLE)
 _vectors = attrgetter(*SAMPLE_VECTORS)
 
 
+_WITHDRAWN = ReferenceWindow(None, (), FrameShift())
+
+
 def pack_window(window: ReferenceWindow) -> bytes:
     """The head, then all samples as one sequence of numbers."""
     head = WINDOW.pack(WindowHead(window.shift, window.goal_id))
@@ -88,10 +91,12 @@ def pack_window(window: ReferenceWindow) -> bytes:
     return head + bytes(-(len(head) - len(HEADER)) % 8) + struct.pack(f"<{len(values)}d", *values)
 
 
-def unpack_window(head: dict[str, Any], data: bytes, offset: int) -> ReferenceWindow:
-    """The window whose head was read already, up to ``offset``; the samples end the message."""
+def unpack_window(head: dict[str, Any], data: bytes, offset: int) -> ReferenceWindow | None:
+    """The window whose head was read already, up to ``offset``; the samples end the message. None: it was withdrawn."""
     (count,) = struct.unpack_from("<I", data, offset - (offset - len(HEADER)) % -4)
     numbers = struct.unpack_from(f"<{count}d", data, len(data) - 8 * count)
+    if not numbers:
+        return None
     samples = []
     for i in range(0, len(numbers), SAMPLE_SIZE):
         time_s, yaw, yaw_rate, *xyz = numbers[i : i + SAMPLE_SIZE]
@@ -197,8 +202,8 @@ class Topics:
             self._odometry.log(ODOMETRY.pack(inputs.odometry), log_time=ns)
         if inputs.imu is not None and (last is None or inputs.imu is not last.imu):
             self._imu.log(IMU.pack(inputs.imu), log_time=ns)
-        if inputs.window is not None and (last is None or inputs.window is not last.window):
-            self._window.log(pack_window(inputs.window), log_time=ns)
+        if inputs.window is not (None if last is None else last.window):
+            self._window.log(pack_window(inputs.window or _WITHDRAWN), log_time=ns)
         if last is None or (inputs.status is not last.status and inputs.status != last.status):
             self._status.log(codec.text(inputs.status).encode(), log_time=ns)
             self._scene.locate(inputs.status.global_position, ns)

@@ -87,9 +87,12 @@ def flight(
     *,
     armed: Callable[[int], bool] = lambda tick: True,
     reset_at: int = -1,
+    no_window: range = range(0),
     every: int = 1,
 ) -> None:
     """Engage at tick 30, offboard from tick 60 on; at ``reset_at`` the position jumps by 2 m with its counter.
+
+    In the ticks of ``no_window`` guidance has withdrawn it.
 
     Ticks of 10 ms, or of ``every`` as much: then those between are left out.
     """
@@ -106,7 +109,7 @@ def flight(
                 1_000_000 + tick * 10_000, START_S + tick * 0.01, (0.0, 0.0, -9.8), (0.0, 0.0, 0.0), (0.2, 0.0, 0.4)
             ),
             status=status(tick, armed(tick), FlightMode.OFFBOARD if tick >= 60 else FlightMode.HOLD),
-            window=held,
+            window=None if tick in no_window else held,
             request=request,
             latched=False,
             parameters=flown,

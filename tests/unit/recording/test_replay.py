@@ -23,6 +23,17 @@ def test_a_flight_with_a_reset_comes_out_the_same_to_the_last_bit(tmp_path: Path
     assert found.identical, found
 
 
+@pytest.mark.parametrize("no_window", [range(95, 98), range(150, 300), range(50)])
+def test_a_window_that_is_withdrawn_is_none_in_the_replay_too(
+    tmp_path: Path, fly: Callable[..., None], no_window: range
+) -> None:
+    made = writer.RecordWriter(RecordingSettings(directory=tmp_path, when="always"), {}, lambda: 0.0)
+    fly(300, lambda *step: made.tick(writer.Step(*step)), no_window=no_window)
+    made.close()
+    found = replay.compare(list(tmp_path.glob("*.mcap")))
+    assert found.identical, found
+
+
 def test_each_part_of_a_flight_can_be_replayed_alone(record: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(writer, "FLUSH_S", 0.0)
     for file in record(800, max_file_mb=0.03):
@@ -77,6 +88,7 @@ def test_windows_come_back_as_they_were(fly: Callable[..., None]) -> None:
     packed = pack_window(windows[0])
     form = flight.Form.of(WINDOW.definition)
     again = unpack_window(form.values(packed), packed, form.end_of_strings(packed))
+    assert again is not None
     assert pack_window(again) == packed
     assert again.samples[7].jerk_ned_m_s3 == windows[0].samples[7].jerk_ned_m_s3
     assert again.goal_id == "goal-1"
