@@ -123,7 +123,7 @@ async def _fly(config: Config, vehicle: Vehicle, dead_man: DeadMan, listener: Li
     await server.start(listener)
     vehicle.garbage.start()
     vehicle.control.watchers.add("garbage", vehicle.garbage.on_tick)
-    notify("READY=1\nSTATUS=waiting for the autopilot")
+    notify("READY=1")
     try:
         await asyncio.wait({tasks, stop.asked}, return_when=asyncio.FIRST_COMPLETED)
         notify("STOPPING=1")

@@ -1,4 +1,6 @@
-"""The health task: feeds the watchdog while both tasks tick, follows home and the autopilot's parameters, warns."""
+"""The health task: feeds the watchdog while both tasks tick, tells systemd the state, follows home and the
+autopilot's parameters, warns.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +15,7 @@ from daemon.loops.parameter_watch import ParameterWatch
 from daemon.messages import ZERO3, AutopilotStatus, BatteryCharge, FrameShift, Vec3
 from daemon.notify import notify
 from daemon.parameters import geofence
+from daemon.safety.reasons import REASONS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -38,6 +41,7 @@ class HealthTask:
         self._connection: tuple[bool, int] = (False, -1)
         self._asking: asyncio.Task[None] | None = None
         self._missed: dict[str, int] = {}
+        self._said: str | None = None
         self._judged_s = -inf
 
     async def run(self) -> None:
@@ -53,6 +57,7 @@ class HealthTask:
         if ticks[0] != self._ticks[0] and ticks[1] != self._ticks[1]:
             notify("WATCHDOG=1")
         self._ticks = ticks
+        self._say_state()
         if now_s - self._judged_s >= SLIP_PERIOD_S:
             self._judged_s = now_s
             self._judge_grids()
@@ -65,6 +70,17 @@ class HealthTask:
         self._parameters.judge_thrust()
         self._warn_of(status)
         self._follow_connection((status.connected, status.boot_count))
+
+    def _say_state(self) -> None:
+        """What `systemctl status` shows, when it is another one."""
+        record = self._vehicle.record.value
+        if record is None:
+            return
+        reason = record.supervision.reason
+        said = f"{record.supervision.state.value}: {REASONS.get(reason, reason.replace('_', ' '))}"
+        if said != self._said:
+            self._said = said
+            notify(f"STATUS={said}")
 
     def _warn_of(self, status: AutopilotStatus) -> None:
         slow = ", ".join(self._vehicle.autopilot.slow_streams.value) if status.connected else ""

@@ -1,6 +1,7 @@
 """The health task: the watchdog is fed while both tasks tick, slipping grids are told."""
 
 from dataclasses import replace
+from itertools import pairwise
 from math import dist
 
 import pytest
@@ -46,6 +47,22 @@ def test_the_watchdog_is_fed_five_times_a_second_until_one_task_stops(
         assert said == []
 
     fly(scenario)
+
+
+def test_systemd_is_told_each_state_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    monkeypatch.setattr("daemon.loops.health_task.notify", said.append)
+
+    async def scenario(flight: Flight) -> None:
+        await flight.airborne()
+        await later(flight, 1.0)
+
+    fly(scenario)
+    told = [text for text in said if text.startswith("STATUS=")]
+    assert told[0] == "STATUS=standby: the autopilot is connected, the vehicle is on the ground"
+    assert told[-1] == "STATUS=holding: the vehicle is under the daemon's control"
+    assert "STATUS=taking_off" in [text.partition(":")[0] for text in told]
+    assert all(before != after for before, after in pairwise(told))
 
 
 def test_a_grid_that_slips_is_told_until_it_no_longer_does() -> None:

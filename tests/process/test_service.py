@@ -47,13 +47,17 @@ class Systemd:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.status: str | None = None
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.bind(str(path))
         self._socket.setblocking(False)
 
     async def next(self, limit_s: float = PATIENCE_S) -> str:
+        """The next message but for the status, which is kept."""
         loop = asyncio.get_running_loop()
-        return (await asyncio.wait_for(loop.sock_recv(self._socket, 4096), limit_s)).decode()
+        while (text := (await asyncio.wait_for(loop.sock_recv(self._socket, 4096), limit_s)).decode())[:7] == "STATUS=":
+            self.status = text[7:]
+        return text
 
     def drain(self) -> int:
         count = 0
@@ -88,6 +92,7 @@ async def test_systemd_hears_ready_once_the_socket_listens_then_the_watchdog_the
             client.connect(str(child.socket))
         for _ in range(3):
             assert await systemd.next() == "WATCHDOG=1"
+        assert systemd.status == "disconnected: no autopilot has been heard since the daemon started"
         child.process.send_signal(signal.SIGSTOP)
         while not is_stopped(child.process.pid):  # noqa: ASYNC110 - the kernel tells by asking only
             await asyncio.sleep(0.01)
