@@ -1,5 +1,6 @@
 """Logs are events with fields: readable lines on a terminal, JSON everywhere else (systemd's journal, a pipe).
 
+In the journal each line has its level (``journalctl -p warning``).
 Every line of a flight carries its id as ``flight``. An event that repeats itself is written ``BURST`` times in
 ``WINDOW_S``; the next line after that says how many were left out.
 """
@@ -17,6 +18,7 @@ import structlog
 BURST = 10
 WINDOW_S = 10.0
 _MOST_KEYS = 1000
+_PRIORITIES = {"debug": 7, "info": 6, "warning": 4, "error": 3, "critical": 2}  # syslog's
 
 
 class Repeats:
@@ -58,6 +60,29 @@ class Flight:
 flight = Flight()
 
 
+class Json:
+    """A renderer: one line of JSON, what happened first. ``journal``: behind the ``<level>`` of sd-daemon(3)."""
+
+    def __init__(self, journal: bool) -> None:
+        self._journal = journal
+        self._render = structlog.processors.JSONRenderer()
+
+    def __call__(self, logger: Any, method: str, event: structlog.typing.EventDict) -> str:
+        """The line."""
+        level = event.pop("level", method)
+        line = self._render(logger, method, {"event": event.pop("event", ""), "level": level, **event})
+        return f"<{_PRIORITIES.get(level, 6)}>{line!s}" if self._journal else str(line)
+
+
+def _is_journal(stream: TextIO) -> bool:
+    """Tell whether it is the one that systemd connected (JOURNAL_STREAM of systemd.exec(5)), not another since."""
+    try:
+        found = os.fstat(stream.fileno())
+    except (OSError, ValueError):
+        return False
+    return os.environ.get("JOURNAL_STREAM") == f"{found.st_dev}:{found.st_ino}"
+
+
 class _Tolerant:
     """A stream whose reader may go away: a line that cannot be written must not end a flight."""
 
@@ -81,7 +106,7 @@ def configure(level: str = "info", stream: TextIO | None = None, as_json: bool |
     terminal = out.isatty() and "JOURNAL_STREAM" not in os.environ
     use_json = as_json if as_json is not None else not terminal
     renderer: structlog.typing.Processor = (
-        structlog.processors.JSONRenderer()
+        Json(_is_journal(out))
         if use_json
         else structlog.dev.ConsoleRenderer(colors=terminal and "NO_COLOR" not in os.environ)
     )

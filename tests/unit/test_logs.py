@@ -2,7 +2,9 @@
 
 import io
 import json
+import os
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 import structlog
@@ -30,6 +32,28 @@ def test_off_a_terminal_each_event_is_one_json_line_with_its_part_and_level() ->
     (line,) = lines(stream)
     assert (line["part"], line["event"], line["level"], line["since_s"]) == ("link", "lost", "warning", 0.5)
     assert str(line["timestamp"]).endswith("Z")
+
+
+def test_what_happened_comes_first_in_a_line() -> None:
+    stream = io.StringIO()
+    logs.configure("info", stream)
+    logs.get("link").warning("lost", since_s=0.5)
+    assert stream.getvalue().startswith('{"event": "lost", "level": "warning", "part": "link"')
+
+
+@pytest.mark.parametrize("connected", [True, False])
+def test_in_the_journal_each_line_has_its_level_and_nowhere_else(
+    connected: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "log"
+    with file.open("w") as stream:
+        found = os.fstat(stream.fileno())
+        monkeypatch.setenv("JOURNAL_STREAM", f"{found.st_dev}:{found.st_ino + (0 if connected else 1)}")
+        logs.configure("debug", stream)
+        for level in ("debug", "info", "warning", "error", "critical"):
+            getattr(logs.get("link"), level)("said")
+    prefixes = [line.partition("{")[0] for line in file.read_text().splitlines()]
+    assert prefixes == (["<7>", "<6>", "<4>", "<3>", "<2>"] if connected else [""] * 5)
 
 
 def test_every_line_of_a_flight_carries_its_id() -> None:
