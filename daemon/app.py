@@ -86,12 +86,13 @@ async def _main(config: Config, socket: Path | None, watch: Callable[[Vehicle], 
         log.error("vehicle_unavailable", reason=str(error))
         listener.close()
         return EXIT_IN_USE
-    apply_realtime(config.loops)
+    refused = apply_realtime(config.loops)
     loop.set_default_executor(ThreadPoolExecutor(1, "beside"))
     await loop.run_in_executor(None, preload)  # its thread starts here: the loop would wait for that in flight
     link = MavsdkLink(config.link.connection, link_timeout_s=config.link.lost_s)
     vehicle = Vehicle(config, link, lambda: live_alarm(loop))
     vehicle.control.listeners.append(PhaseLock(vehicle.control.grid, vehicle.autopilot.odometry).on_tick)
+    vehicle.health.warnings.update(refused)
     watch(vehicle)
     dead_man = DeadMan(vehicle.gate, dead_man_timing(config), lambda event: log.error(event))
     log.info("started", connection=config.link.connection, config_hash=config.hash(), pid=os.getpid())

@@ -23,27 +23,35 @@ def preload() -> None:
         importlib.import_module(name)
 
 
-def apply(loops: Loops) -> None:
+def apply(loops: Loops) -> dict[str, str]:
     """CPU affinity, SCHED_FIFO and locked memory as configured, for the threads there are; later ones inherit them.
 
     For all of them: one that is not scheduled while it holds the interpreter lock would stop the loop.
+    Returns what was refused: a warning for people by its code.
     """
     sys.setswitchinterval(_SWITCH_S)
+    refused: dict[str, str] = {}
     threads = [thread.native_id or 0 for thread in threading.enumerate()]
     if loops.cpu_affinity:
         try:
             for thread in threads:
                 os.sched_setaffinity(thread, loops.cpu_affinity)
         except OSError as error:
-            log.warning("cpu_affinity_refused", cores=loops.cpu_affinity, reason=error.strerror)
+            cores = ", ".join(map(str, loops.cpu_affinity))
+            refused["cpu_affinity_refused"] = f"loops.cpu_affinity {cores} was refused: {error.strerror}"
     if loops.realtime_priority:
         try:
             for thread in threads:
                 os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(loops.realtime_priority))
         except OSError as error:
-            log.warning("realtime_refused", reason=error.strerror, advice="grant CAP_SYS_NICE or LimitRTPRIO")
+            text = f"loops.realtime_priority was refused: {error.strerror}; grant CAP_SYS_NICE or LimitRTPRIO"
+            refused["realtime_refused"] = text
     if loops.lock_memory:
         libc = ctypes.CDLL(None, use_errno=True)
         if libc.mlockall(_MCL_CURRENT_AND_FUTURE) != 0:
             reason = os.strerror(ctypes.get_errno())
-            log.warning("lock_memory_refused", reason=reason, advice="grant CAP_IPC_LOCK or LimitMEMLOCK")
+            text = f"loops.lock_memory was refused: {reason}; grant CAP_IPC_LOCK or LimitMEMLOCK"
+            refused["lock_memory_refused"] = text
+    for code, text in refused.items():
+        log.warning(code, text=text)
+    return refused

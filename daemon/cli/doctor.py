@@ -159,13 +159,16 @@ def check_clock() -> Finding:
     return Finding(Level.GOOD, "clock", f"resolution {1e9 * resolution_s:g} ns")
 
 
-def check_realtime() -> Finding:
-    """Rights to run before everything else and to keep the memory in place."""
+def check_realtime(asked: Asked) -> Iterator[Finding]:
+    """Rights to run before everything else and to keep the memory in place; a daemon that runs warns of its own."""
+    if asked.info is not None:
+        return
     priority, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
     if os.geteuid() == 0 or priority != 0:
-        return Finding(Level.GOOD, "real-time rights", "granted to this user")
+        yield Finding(Level.GOOD, "real-time rights", "granted to this user")
+        return
     mend = "run the daemon as the service, which has its own, or raise rtprio and memlock in limits.conf"
-    return Finding(Level.WARNING, "real-time rights", "this user has none", mend)
+    yield Finding(Level.WARNING, "real-time rights", "this user has none", mend)
 
 
 def check_governor() -> Finding:
@@ -211,7 +214,7 @@ def doctor(config: ConfigFiles = None, as_json: JsonOption = False, socket: Sock
     """
     asked = ask_daemon(socket)
     findings = [check_python(), check_mavsdk(), check_connection(config or [], asked), check_clock()]
-    findings += [check_realtime(), check_governor(), *check_daemon(asked)]
+    findings += [*check_realtime(asked), check_governor(), *check_daemon(asked)]
     if as_json:
         say_json([asdict(finding) for finding in findings])
     else:

@@ -147,6 +147,16 @@ async def test_a_configuration_file_replaced_while_the_daemon_runs_changes_nothi
             assert (await flight.info())["config_hash"] == before
 
 
+async def test_rights_that_are_configured_and_refused_are_told_in_the_status(tmp_path: Path) -> None:
+    file = tmp_path / "own.yaml"
+    file.write_text("loops: {cpu_affinity: [1023]}\n")
+    async with daemon_on(tmp_path, f"udpin://127.0.0.1:{free_udp_port()}", "--config", str(file)) as child:
+        assert child.socket is not None
+        async with FlightClient(child.socket) as flight:
+            told = {reason["code"]: reason["text"] for reason in (await flight.status())["reasons"]}
+    assert told["cpu_affinity_refused"] == "loops.cpu_affinity 1023 was refused: Invalid argument"
+
+
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze")
 def test_systemd_accepts_the_units(tmp_path: Path) -> None:
     for unit in [*UNITS.glob("*.service"), *UNITS.glob("*.socket")]:

@@ -32,9 +32,10 @@ def test_what_is_refused_is_said_with_the_way_out(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     monkeypatch.setattr(os, "sched_setaffinity", refuse)
     with structlog.testing.capture_logs() as lines:
-        apply(loops(realtime_priority=40, cpu_affinity=[3]))  # type: ignore[arg-type]
-    assert [line["event"] for line in lines] == ["cpu_affinity_refused", "realtime_refused"]
-    assert "LimitRTPRIO" in lines[1]["advice"]
+        refused = apply(loops(realtime_priority=40, cpu_affinity=[3]))  # type: ignore[arg-type]
+    assert {line["event"]: line["text"] for line in lines} == refused
+    assert list(refused) == ["cpu_affinity_refused", "realtime_refused"]
+    assert "LimitRTPRIO" in refused["realtime_refused"]
 
 
 def test_priority_and_cores_are_taken_as_configured_for_every_thread(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -143,6 +143,15 @@ def test_doctor_judges_the_port_of_the_daemon_and_not_the_rights_of_whoever_asks
     assert (alone.level, "usermod -aG dialout" in alone.mend) == ("bad", True)
 
 
+def test_doctor_judges_this_users_real_time_rights_only_where_no_daemon_answers(monkeypatch):
+    monkeypatch.setattr("os.geteuid", lambda: 1000)
+    monkeypatch.setattr("resource.getrlimit", lambda _which: (0, 0))
+    (alone,) = doctor.check_realtime(doctor.Asked(silence=NoDaemonError("none")))
+    assert alone.level == "warning"
+    info = {"name": "flightd", "version": "1", "protocol": 1}
+    assert list(doctor.check_realtime(doctor.Asked(info=info))) == []
+
+
 def test_doctor_knows_what_is_no_serial_port():
     assert (_serial("/dev/null").level, "is no serial port" in _serial("/dev/null").text) == ("bad", True)
 
