@@ -104,11 +104,12 @@ class Connection:
         try:
             reader, self._writer = await asyncio.open_unix_connection(str(self._path), limit=MAX_REPLY_BYTES)
         except PermissionError:
-            hint = "ask for membership in its group, or use sudo"
+            hint = "ask for membership in its group (and log in again), or use sudo"
             raise SocketNotPermittedError(f"the socket {self._path} does not let this user in: {hint}") from None
         except OSError as error:
             why = error.strerror.lower() if error.strerror else str(error)
-            hint = "start one with `flightd run`, or name its socket with --socket or $FLIGHTD_SOCKET"
+            hint = "start one with `flightd run` (the service: `sudo systemctl start flightd`), "
+            hint += "or name its socket with --socket or $FLIGHTD_SOCKET"
             raise NoDaemonError(f"no daemon listens at {self._path} ({why}): {hint}") from None
         self._up.set()
         return reader

@@ -192,11 +192,21 @@ def _remove_dead(path: Path) -> None:
         if result == errno.ECONNREFUSED:
             path.unlink()
             return
-        owner = f" (process {peer_of(probe).pid})" if result == 0 else ""
+        owner = f"a daemon (process {peer_of(probe).pid})" if result == 0 else "a daemon"
+        if result == 0 and _is_systemd(peer_of(probe).pid):
+            owner = "systemd, for the service,"
     if result in (0, errno.EAGAIN):
-        raise SocketInUseError(f"a daemon{owner} already listens at {path}: stop it, or choose --socket PATH")
+        raise SocketInUseError(f"{owner} already listens at {path}: stop it, or choose --socket PATH")
     if result != errno.ENOENT:
         raise OSError(result, os.strerror(result))
+
+
+def _is_systemd(pid: int) -> bool:
+    """Tell whether that process is the manager, which made the socket of an activated service."""
+    try:
+        return Path(f"/proc/{pid}/comm").read_text() == "systemd\n"
+    except OSError:
+        return False
 
 
 def peer_of(sock: socket.socket) -> Peer:

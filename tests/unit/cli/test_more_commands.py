@@ -225,7 +225,7 @@ def test_a_socket_that_does_not_let_the_user_in_says_what_to_do(command, path, m
     monkeypatch.setattr("asyncio.open_unix_connection", refuse)
     words = ["5"] if command == "takeoff" else []
     done = CliRunner().invoke(build(command), [command, *words, "--socket", str(path)])
-    assert "does not let this user in: ask for membership in its group" in done.output
+    assert "does not let this user in: ask for membership in its group (and log in again)" in done.output
     assert command == "doctor" or done.exit_code == 6
 
 

@@ -90,7 +90,10 @@ async def test_observer_reads_but_does_not_act(path):
 
 
 async def test_without_a_daemon_it_says_how_to_start_one(path):
-    with pytest.raises(NoDaemonError, match=r"\(no such file or directory\): start one with `flightd run`"):
+    with pytest.raises(
+        NoDaemonError,
+        match=r"\(no such file or directory\): start one with `flightd run` \(the service: `sudo systemctl",
+    ):
         async with FlightClient(path):
             pass
 

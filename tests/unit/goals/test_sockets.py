@@ -74,6 +74,15 @@ async def test_live_socket_is_refused_with_the_pid_of_its_owner(tmp_path):
     listener.close()
 
 
+async def test_a_socket_that_systemd_made_is_refused_by_the_services_name(tmp_path, monkeypatch):
+    path = tmp_path / "s"
+    first = await listen(path)
+    monkeypatch.setattr("daemon.goals.sockets._is_systemd", lambda pid: pid == os.getpid())
+    with pytest.raises(SocketInUseError, match=r"\Asystemd, for the service, already listens"):
+        await listen(path)
+    first.close()
+
+
 async def test_socket_of_a_dead_daemon_is_replaced(tmp_path):
     dead = socket.socket(socket.AF_UNIX)
     dead.bind(str(tmp_path / "s"))
