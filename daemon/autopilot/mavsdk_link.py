@@ -6,18 +6,17 @@ event loop. Nothing here uses the offboard plugin, which would repeat setpoints 
 
 import asyncio
 import contextlib
-import itertools
 import json
 import math
 import struct
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import pydantic_core
 from mavsdk.component_type import ComponentType
-from mavsdk.connection_result import ConnectionResult
 from mavsdk.exceptions import MavsdkError
 from mavsdk.logging import LogLevel, log_subscribe
 from mavsdk.mavsdk import Configuration, Mavsdk
@@ -26,6 +25,7 @@ from mavsdk.system import System
 
 from daemon import logs
 from daemon.autopilot.px4 import SET_ATTITUDE_TARGET_RATES_MASK, Fields, Message, is_sendable
+from daemon.autopilot.serial_port import SerialPort
 from daemon.autopilot.session import SAMPLES, Px4Session, SessionParams
 from daemon.autopilot.session_link import SessionLink
 from daemon.autopilot.threads import ThreadStates, aside
@@ -122,7 +122,8 @@ class _Wire:
 class MavsdkLink(SessionLink):
     """Implements ``Autopilot`` on MAVSDK. ``url`` as MAVSDK's: udpin://127.0.0.1:14540, serial:///dev/ttyAMA0:921600.
 
-    ``run`` opens the connection (again and again while that fails), waits for an autopilot and keeps the cells fresh.
+    ``run`` opens the connection (again and again while that fails, and anew for a serial device that was plugged in
+    again), waits for an autopilot and keeps the cells fresh.
     """
 
     def __init__(self, url: str, *, link_timeout_s: float = 1.5) -> None:
@@ -143,8 +144,16 @@ class MavsdkLink(SessionLink):
         """Connect, ask for the streams on every (re)connect, keep the cells fresh, until cancelled."""
         self._loop, self._loop_thread = asyncio.get_running_loop(), threading.get_ident()
         sdk = Mavsdk(self._configuration)
-        await self._open(sdk)
-        self._sdk = sdk
+        port = SerialPort(self.url)
+        connection = await self._open(sdk, port)
+        tasks = [asyncio.ensure_future(work) for work in (self._fly(sdk), self._reopen(sdk, port, connection))]
+        try:
+            await asyncio.gather(*tasks)
+        finally:
+            for task in tasks:
+                task.cancel()
+
+    async def _fly(self, sdk: Mavsdk) -> None:
         system = await self._first_autopilot(sdk)
         self._wire = _Wire(system, *self._own_ids)
         for name in self.session.wanted:
@@ -188,15 +197,34 @@ class MavsdkLink(SessionLink):
 
     # ---- opening
 
-    async def _open(self, sdk: Mavsdk) -> None:
-        for tries in itertools.count(1):
-            result = await aside(lambda: sdk.add_any_connection(self.url))
-            if result == ConnectionResult.SUCCESS:
-                _log.info("waiting_for_autopilot", url=self.url)
-                return
-            if tries % _TRIES_A_LINE == 1:
-                _log.warning("connection_failed", url=self.url, result=result.name, tries=tries)
-            await asyncio.sleep(_RETRY_S)
+    async def _open(self, sdk: Mavsdk, port: SerialPort) -> Any:
+        """Open the connection; returns MAVSDK's handle of it."""
+        self._sdk = None
+        tries = 0
+        while True:
+            tries += 1
+            port.opened()
+            try:
+                connection = await aside(lambda: sdk.add_any_connection_with_handle(self.url))
+            except MavsdkError as error:
+                if tries % _TRIES_A_LINE == 1:
+                    reason = str(error).rpartition(" ")[2]
+                    _log.warning("connection_failed", url=self.url, result=reason, tries=tries)
+                await asyncio.sleep(_RETRY_S)
+                continue
+            self._sdk = sdk
+            _log.info("waiting_for_autopilot", url=self.url)
+            return connection
+
+    async def _reopen(self, sdk: Mavsdk, port: SerialPort, connection: Any) -> None:
+        """MAVSDK never looks again at a device that went away: open the one that came instead of it."""
+        while True:
+            await asyncio.sleep(_POLL_S)
+            if port.is_another():
+                _log.warning("serial_device_came_back", url=self.url)
+                self._sdk = None
+                await aside(partial(sdk.remove_connection, connection))
+                connection = await self._open(sdk, port)
 
     async def _first_autopilot(self, sdk: Mavsdk) -> System:
         loop = asyncio.get_running_loop()
