@@ -141,14 +141,6 @@ class HeadedPlan(Plan):
         """The path's reference with this heading."""
         return self._headed(self._path.sample(time_s))
 
-    def foreseen(self, time_s: float) -> Reference:
-        """The path's reference with the heading that is wanted there, where it has not been stepped so far."""
-        if self._resting or time_s - self.start_s < len(self._nodes) * WINDOW_SPACING_S:
-            return self.sample(time_s)
-        reference = self._path.sample(time_s)
-        wanted = self._wish(reference)
-        return replace(reference, yaw_rad=wrap_pi(self._wanted if wanted is None else wanted))
-
     def window(self, from_s: float, count: int = WINDOW_COUNT) -> tuple[Reference, ...]:
         """The path's window with this heading."""
         return tuple(map(self._headed, self._path.window(from_s, count)))

@@ -35,10 +35,6 @@ class Plan(ABC):
     def sample(self, time_s: float) -> Reference:
         """The reference at a time; before the start the start's, after the end the target."""
 
-    def foreseen(self, time_s: float) -> Reference:
-        """The reference at a time, cheap however far ahead: where a heading is stepped, the one that is wanted then."""
-        return self.sample(time_s)
-
     def window(self, from_s: float, count: int = WINDOW_COUNT) -> tuple[Reference, ...]:
         """``count`` references from ``from_s`` on at ``WINDOW_SPACING_S``."""
         return tuple(self.sample(from_s + i * WINDOW_SPACING_S) for i in range(count))
@@ -164,10 +160,6 @@ class JoinedPlan(Plan):
         """The reference of what is flown then."""
         return (self._before if time_s < self.start_s else self._plan).sample(time_s)
 
-    def foreseen(self, time_s: float) -> Reference:
-        """What is foreseen of what is flown then."""
-        return (self._before if time_s < self.start_s else self._plan).foreseen(time_s)
-
     def remaining(self, from_s: float) -> Plan:
         """The plan alone once it has started: a chain of goals that are planned ahead does not grow."""
         if from_s >= self.start_s:
@@ -214,13 +206,7 @@ class ShiftedPlan(Plan):
 
     def sample(self, time_s: float) -> Reference:
         """The plan's reference, moved."""
-        return self._moved(self._plan.sample(time_s), time_s)
-
-    def foreseen(self, time_s: float) -> Reference:
-        """What is foreseen of the plan, moved."""
-        return self._moved(self._plan.foreseen(time_s), time_s)
-
-    def _moved(self, reference: Reference, time_s: float) -> Reference:
+        reference = self._plan.sample(time_s)
         moved = replace(
             reference,
             position_ned_m=add(reference.position_ned_m, self._dp),

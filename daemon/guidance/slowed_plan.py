@@ -33,8 +33,7 @@ class SlowedPlan(Plan):
     @property
     def target(self) -> Reference:
         """The place on the plan's way, at rest."""
-        place = self._plan.foreseen(self.start_s + 0.5 * self._slowing_s)
-        return Reference(self.end_s, place.position_ned_m, yaw_rad=place.yaw_rad)
+        return self.sample(self.end_s)
 
     @property
     def path(self) -> Plan:

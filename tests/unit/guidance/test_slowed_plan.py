@@ -3,17 +3,15 @@
 from itertools import pairwise
 from math import dist, hypot
 from types import SimpleNamespace
-from unittest.mock import patch
 
 import pytest
 
 from daemon.guidance.goals import ShapeGoal
-from daemon.guidance.heading import VelocityHeading
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters
-from daemon.guidance.plan import STRAY_M, ShiftedPlan
+from daemon.guidance.plan import STRAY_M
 from daemon.guidance.planner import plan
-from daemon.guidance.shapes import Circle, ShapePlan
+from daemon.guidance.shapes import Circle
 from daemon.guidance.slowed_plan import slow_down
 from daemon.messages import Reference
 
@@ -55,22 +53,3 @@ def test_a_plan_beyond_the_limits_is_not_slowed_down_for_ever() -> None:
     tight = LIMITS.tightened(acceleration_m_s2=0.5)
     slowed = slow_down(flown, FROM_S, tight)
     assert slowed.end_s - FROM_S == pytest.approx(2.0 * 5.0 / 0.5)
-
-
-@pytest.mark.parametrize("moved", [False, True])
-def test_where_it_rests_is_foreseen_without_stepping_the_heading_all_the_way(moved: bool) -> None:
-    """At 0.05 m/s2 that was 10000 steps in one go, 94 ms in which no setpoint left."""
-    goal = ShapeGoal(shape=GOAL.shape, speed_m_s=1.0, turns=3.0, heading=VelocityHeading())
-    flown = plan(Reference(0.0, (26.0, 0.0, -5.0)), goal, LIMITS, GuidanceParameters())
-    if moved:
-        flown = ShiftedPlan(flown, (3.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.5, FROM_S)
-    flown.sample(FROM_S)
-    slowed = slow_down(flown, FROM_S, LIMITS.tightened(acceleration_m_s2=0.02))
-    assert slowed.end_s - FROM_S > 95.0
-    with patch.object(ShapePlan, "sample", autospec=True, side_effect=ShapePlan.sample) as asked:
-        target = slowed.target
-    assert asked.call_count < 10
-    at_rest = slowed.sample(slowed.end_s)
-    assert dist(target.position_ned_m, at_rest.position_ned_m) < 1e-9
-    assert target.yaw_rad == pytest.approx(at_rest.yaw_rad, abs=0.05)
-    assert slowed.target.yaw_rad == pytest.approx(at_rest.yaw_rad, abs=1e-6), "known once it has been stepped"
