@@ -93,7 +93,7 @@ def way_refusal(plan: Plan, field: str, reach: Reach) -> Refusal | None:
         inside = inside or found is None
         if inside and found is not None:
             return Refusal(f"{field}[{found[0]}]", f"on the way: {found[1]}")
-    end = reach.fence(plan.target.position_ned_m)
+    end = reach.fence(plan.path.target.position_ned_m)
     return None if end is None else Refusal(f"{field}[{end[0]}]", end[1])
 
 

@@ -24,6 +24,7 @@ class SlowedPlan(Plan):
         self._plan = plan
         self._slowing_s = slowing_s
         self._acceleration_m_s2 = acceleration_m_s2  # of the plan, at most
+        self._rest: Reference | None = None
 
     @property
     def end_s(self) -> float:
@@ -32,8 +33,8 @@ class SlowedPlan(Plan):
 
     @property
     def target(self) -> Reference:
-        """The place on the plan's way, at rest."""
-        return self.sample(self.end_s)
+        """The place on the plan's way, at rest: foreseen on the path, and known once the end has been flown."""
+        return self._rest or replace(self.path.sample(self.end_s), yaw_rad=self._plan.target.yaw_rad)
 
     @property
     def path(self) -> Plan:
@@ -56,7 +57,7 @@ class SlowedPlan(Plan):
         rate, rate1, rate2 = 1.0 - height, -slope / lasts_s, -bend / lasts_s**2
         v, a = r.velocity_ned_m_s, r.acceleration_ned_m_s2
         jerk = add(scale(r.jerk_ned_m_s3, rate**3), scale(a, 3.0 * rate * rate1))
-        return replace(
+        slowed = replace(
             r,
             time_s=time_s,
             velocity_ned_m_s=scale(v, rate),
@@ -64,6 +65,9 @@ class SlowedPlan(Plan):
             jerk_ned_m_s3=add(jerk, scale(v, rate2)),
             yaw_rate_rad_s=r.yaw_rate_rad_s * rate,
         )
+        if s >= 1.0:
+            self._rest = replace(slowed, time_s=self.end_s)
+        return slowed
 
 
 def slow_down(plan: Plan, from_s: float, limits: MotionLimits) -> SlowedPlan:

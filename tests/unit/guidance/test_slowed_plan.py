@@ -1,22 +1,27 @@
 """Coming to rest along the way of a plan."""
 
+from dataclasses import replace
 from itertools import pairwise
 from math import dist, hypot
 from types import SimpleNamespace
 
 import pytest
 
+from daemon.guidance.filter_plan import FilterPlan
 from daemon.guidance.goals import ShapeGoal
+from daemon.guidance.heading import HeadedPlan
 from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters
-from daemon.guidance.plan import STRAY_M
+from daemon.guidance.plan import STRAY_M, Plan
 from daemon.guidance.planner import plan
+from daemon.guidance.reachability import Reach, way_refusal
 from daemon.guidance.shapes import Circle
 from daemon.guidance.slowed_plan import slow_down
 from daemon.messages import Reference
 
 LIMITS = MotionLimits(acceleration_m_s2=1.0)
 GOAL = ShapeGoal(shape=Circle(center_ned_m=(0.0, 0.0, -5.0), radius_m=26.0), speed_m_s=5.0, turns=3.0)
+WIDE = Circle(center_ned_m=(0.0, 0.0, -5.0), radius_m=300.0)
 FROM_S = 45.0
 
 
@@ -53,3 +58,27 @@ def test_a_plan_beyond_the_limits_is_not_slowed_down_for_ever() -> None:
     tight = LIMITS.tightened(acceleration_m_s2=0.5)
     slowed = slow_down(flown, FROM_S, tight)
     assert slowed.end_s - FROM_S == pytest.approx(2.0 * 5.0 / 0.5)
+
+
+@pytest.mark.parametrize("kind", ["filter", "circle"])
+def test_it_is_held_against_the_fence_without_stepping_far_ahead(kind: str) -> None:
+    """Each step of a filter or a heading takes 10 us: minutes of them would make the control task wait."""
+    slow = MotionLimits(acceleration_m_s2=0.1, vertical_acceleration_m_s2=0.1)
+    flown: Plan
+    if kind == "filter":
+        moving = Reference(0.0, (0.0, 0.0, -5.0), (4.0, 0.0, 0.0))
+        flown = FilterPlan(moving, (0.0, 300.0, -5.0), 1.0, slow, GuidanceParameters())
+    else:
+        flown = plan(Reference(0.0, (300.0, 0.0, -5.0)), replace(GOAL, shape=WIDE), slow, GuidanceParameters())
+    assert isinstance(flown, FilterPlan | HeadedPlan)
+    flown.sample(30.0)
+    stepped = len(flown._nodes)
+    slowed = slow_down(flown, 30.0, slow)
+    assert slowed.end_s > 60.0
+    assert way_refusal(slowed, "", Reach(limits=slow)) is None
+    foreseen = slowed.target
+    assert len(flown._nodes) == stepped
+    rests = slowed.sample(slowed.end_s)
+    assert dist(foreseen.position_ned_m, rests.position_ned_m) < 0.5
+    assert foreseen.yaw_rad == pytest.approx(rests.yaw_rad, abs=0.01)
+    assert slowed.target.position_ned_m == rests.position_ned_m
