@@ -149,12 +149,16 @@ class Asking:
         self.require_connected()
         before = self.releases, self.standstills
         with contextlib.suppress(CommandTimeoutError):
-            await self.wait_for(lambda: self.status.heard, self.timeouts.heard_s, "heard")
+            await self.wait_for(self._told, self.timeouts.heard_s, "heard")
         if before != (self.releases, self.standstills):
             raise NotPossibleError(f"cannot {what}: the vehicle was released, or the daemon stood still, meanwhile")
         self.require_connected()
         if not self.status.heard:
             raise NotPossibleError(f"cannot {what}: {NOT_HEARD}")
+
+    def _told(self) -> bool:
+        """What it does now, and whether it stands on the ground, which comes in a message of its own."""
+        return self.status.heard and self.status.landed is not LandedState.UNDEFINED
 
     async def until_mode(self, turn: int, mode: FlightMode) -> None:
         """Wait until the autopilot shows the mode. Raises ``CommandRefusedError`` in its words as well.

@@ -1,5 +1,6 @@
 """The spine: take-off, goals, preemption, landing, through the real tasks in virtual time."""
 
+from dataclasses import replace
 from itertools import pairwise
 from math import dist, radians
 
@@ -8,7 +9,7 @@ from support.flight import Flight, fly
 
 from daemon import frames
 from daemon.goals.errors import ErrorCode, ProtocolError
-from daemon.messages import FlightMode
+from daemon.messages import FlightMode, LandedState
 from daemon.safety.supervisor import State
 
 
@@ -160,5 +161,18 @@ def test_hold_s_holds_before_success() -> None:
         long = await flight.result(await flight.goto(4.0, 0.0, -5.0, hold_s=3.0))
         assert short.duration_s is not None and long.duration_s is not None
         assert long.duration_s - short.duration_s == pytest.approx(3.0, abs=0.6)
+
+    fly(scenario)
+
+
+def test_a_take_off_asked_for_before_the_landed_state_has_come_waits_for_it() -> None:
+    """It comes in a message of its own, up to 0.1 s after the one by which the vehicle is known."""
+
+    async def scenario(flight: Flight) -> None:
+        await flight.until(lambda: flight.state is State.STANDBY)
+        status = flight.autopilot.status
+        status.set(replace(status.value, landed=LandedState.UNDEFINED))
+        await flight.vehicle.commander.takeoff(5.0)
+        assert flight.state is State.READY
 
     fly(scenario)

@@ -42,7 +42,7 @@ def test_figures_of_the_simulated_px4_are_near_those_of_the_real_one() -> None:
     """A real PX4 with the same vehicle, to ODOMETRY's arrival: roll and pitch 93 ms, yaw 430 ms; hover 0.4905."""
     found = measured("sih")
     for loop in (found.roll, found.pitch):
-        assert loop.total_s.value + found.age_s == pytest.approx(0.093, abs=0.020)
+        assert loop.total_s.value + found.age_s == pytest.approx(0.093, abs=0.025)  # by the phase of its stream
         assert loop.lag_s.value == pytest.approx(0.055, abs=0.006)
     assert found.yaw.total_s.value + found.age_s == pytest.approx(0.430, abs=0.030)
     assert found.thrust.hover_thrust.value == pytest.approx(0.4905, abs=0.005)

@@ -98,7 +98,7 @@ def test_the_line_is_the_one_of_least_squares_through_the_quicker_half(count: in
     times = [(e.remote_us - window[-1].remote_us) * 1e-6 for e in quick]
     line = linregress(times, [e.offset_s for e in quick])
     residuals = [e.offset_s - line.intercept - line.slope * t for t, e in zip(times, quick, strict=True)]
-    found = fitted(window)
+    found = fitted(window, window[-1].remote_us, TRIP_S)
     assert found.stamp_us == window[-1].remote_us
     assert found.offset_s == pytest.approx(line.intercept, abs=1e-9)
     assert found.drift == pytest.approx(line.slope, rel=1e-6)
