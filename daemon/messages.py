@@ -281,6 +281,7 @@ WINDOW_SPACING_S = 0.01
 class ReferenceWindow:
     """The reference of the next half second and more, at ``WINDOW_SPACING_S``; immutable, published by guidance.
 
+    Where braking from there straight on would leave the fence, samples farther apart follow, to a rest within.
     ``goal_id`` is None when the vehicle merely holds. ``shift`` is the frame in which it was planned.
     """
 

@@ -55,7 +55,7 @@ class TrajectoryTask:
         self._parameters = parameters
         self._active: ActiveGoal | None = None
         self._plans = FlownPlan(record, status, limits, parameters, fence, self.wake, self._fail)
-        self._writer = WindowWriter(window_s)
+        self._writer = WindowWriter(window_s, limits, fence)
         self._failure: Exception | None = None
         self._woken = False
         self._state: State | None = None

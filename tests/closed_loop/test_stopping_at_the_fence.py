@@ -45,6 +45,23 @@ def test_a_goal_that_is_stopped_beside_the_fence_comes_to_rest_inside(how: str) 
     fly(scenario, config=within(26.5, acceleration_m_s2=1.0))
 
 
+@pytest.mark.parametrize("profile", ["reference_filter", "jerk_limited"])
+def test_a_trajectory_task_that_stalls_beside_the_fence_leaves_a_vehicle_that_rests_inside(profile: str) -> None:
+    async def scenario(flight: Flight) -> None:
+        await around(flight)
+        seen = len(flight.truths)
+        flight.vehicle.trajectory.tick = lambda _now_s: None  # type: ignore[method-assign]
+        since_s = flight.now_s
+        await flight.until(lambda: flight.now_s - since_s > 20.0)
+        assert hypot(*flight.px4.truth.velocity_ned_m_s) < 0.3
+        assert flight.state is State.TRACKING
+        assert max(hypot(*truth[:2]) for truth in flight.truths[seen:]) < 26.5
+
+    config = within(26.5, acceleration_m_s2=1.0)
+    config["guidance"]["profile"] = profile
+    fly(scenario, config=config)
+
+
 def test_a_stream_goal_whose_first_brake_leaves_the_fence_is_refused() -> None:
     async def scenario(flight: Flight) -> None:
         goal_id = await around(flight)

@@ -2,11 +2,13 @@
 
 from dataclasses import replace
 from itertools import pairwise
-from math import pi
+from math import cos, pi, sin
 
 import pytest
 from support.pipeline_rig import DT_S, PARAMETERS, Flow, odometry, window_of
 
+from daemon.frames import wrap_pi
+from daemon.guidance import reference_window
 from daemon.messages import WINDOW_SPACING_S, FrameShift, Reference, ReferenceWindow
 
 
@@ -157,3 +159,32 @@ def test_a_hover_without_a_window_moves_with_a_reset() -> None:
     assert before.reference is not None and after.reference is not None
     moved = tuple(b - a for a, b in zip(before.reference.position_ned_m, after.reference.position_ned_m, strict=True))
     assert moved == pytest.approx((3.0, -4.0, -1.0), abs=0.02)
+
+
+def test_where_its_samples_are_farther_apart_a_window_is_flown_through_them_without_a_step() -> None:
+    """The places on the way to a rest are told 0.2 s apart: a circle whose phase runs ever more slowly."""
+
+    def slowed(time_s: float) -> Reference:
+        s = min(time_s / 4.0, 1.0)
+        h, h1 = (1.0 - s) ** 3, -0.75 * (1.0 - s) ** 2
+        phase = 0.5 * (1.0 - (1.0 - s) ** 4)
+        c, n, w, w1 = cos(phase), sin(phase), 0.5 * h, 0.5 * h1
+        p, v = (10.0 * c, 10.0 * n, -5.0), (-10.0 * n * w, 10.0 * c * w, 0.0)
+        a = (-10.0 * (c * w * w + n * w1), 10.0 * (c * w1 - n * w * w), 0.0)
+        return Reference(time_s, p, v, a, yaw_rad=3.0 + phase, yaw_rate_rad_s=w)
+
+    samples = (slowed(0.0), slowed(WINDOW_SPACING_S), *(slowed(WINDOW_SPACING_S + 0.2 * i) for i in range(1, 21)))
+    window = ReferenceWindow("goal", samples, FrameShift())
+    assert not reference_window.covers(window, 4.03)
+    for i in range(401):
+        time_s = 0.01 * i + 0.003
+        flown, meant = reference_window.sample(window, FrameShift(), time_s), slowed(time_s)
+        assert flown.time_s == time_s
+        assert flown.position_ned_m == pytest.approx(meant.position_ned_m, abs=1e-4)
+        assert flown.velocity_ned_m_s == pytest.approx(meant.velocity_ned_m_s, abs=1e-3)
+        assert flown.acceleration_ned_m_s2 == pytest.approx(meant.acceleration_ned_m_s2, abs=0.02)
+        assert wrap_pi(flown.yaw_rad - meant.yaw_rad) == pytest.approx(0.0, abs=1e-3)
+        assert flown.yaw_rate_rad_s == pytest.approx(meant.yaw_rate_rad_s, abs=0.02)
+        later = reference_window.sample(window, FrameShift(), time_s + 1e-6)
+        slope = [(b - a) / 1e-6 for a, b in zip(flown.acceleration_ned_m_s2, later.acceleration_ned_m_s2, strict=True)]
+        assert slope == pytest.approx(flown.jerk_ned_m_s3, abs=1e-3)
