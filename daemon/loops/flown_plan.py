@@ -56,6 +56,13 @@ class FlownPlan:
         """Without a goal fly this plan on; None: come to rest, within the fence if that can be."""
         self._rest = plan
 
+    def restart(self, active: ActiveGoal | None) -> None:
+        """What was planned so far has not been flown: plan anew, from the flown reference."""
+        self._rest = None
+        self.plan.set(None)
+        if active is not None:
+            active.plan = None
+
     def give_up(self, shift: FrameShift) -> None:
         """Nothing is flown any more; ``shift`` is the frame of now."""
         self._rest = None

@@ -193,6 +193,8 @@ class TrajectoryTask:
         self._plans.follow_frame(self._active, record.estimate.shift)
         if self._following.given_up(record, self._parameters().deviation_max_m):
             self._give_up_goal()
+        if self._writer.ran_out(record.reference.time_s):
+            self._stop_where_flown()
         self._give_up_without_origin()
         start = start_of(record)
         plan = self._plans.current(self._active, start)
@@ -206,6 +208,13 @@ class TrajectoryTask:
         """The goal's reference has gone on without the vehicle; a place that is held stays what it is."""
         if self._active is not None and not self._active.canceled:
             self._end("aborted", reason="not_followed")
+
+    def _stop_where_flown(self) -> None:
+        """No window came for so long that the control task has braked: the plans have gone on without it."""
+        active = self._active
+        if active is not None and (active.plan is not None or active.ahead is not None):
+            self._give_up_goal()
+        self._plans.restart(self._active)
 
     def _give_up_without_origin(self) -> None:
         """A goal on the globe cannot be made anew while nobody knows where the local frame lies."""

@@ -31,7 +31,11 @@ class WindowWriter:
         stop = way_to_rest(self._samples[-1], plan, self._limits(), self._fence())
         self.window.set(ReferenceWindow(goal_id, (*self._samples, *stop), shift))
 
+    def ran_out(self, time_s: float) -> bool:
+        """Whether what was published ends before a moment, so that its plan was not flown on."""
+        return bool(self._samples) and time_s > self._samples[-1].time_s + WINDOW_SPACING_S
+
     def clear(self) -> None:
         """Nothing is flown any more."""
-        self._sampled = None
+        self._sampled, self._samples = None, ()
         self.window.set(None)

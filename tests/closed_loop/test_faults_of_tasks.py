@@ -1,5 +1,6 @@
 """Tasks that die or stall in flight, and requests that the autopilot refuses: the vehicle is handed over, goals end."""
 
+from itertools import pairwise
 from math import dist
 from typing import Any
 from unittest.mock import Mock
@@ -132,6 +133,38 @@ def test_a_trajectory_task_that_stalls_leaves_a_vehicle_that_brakes_and_holds() 
         assert dist(place, flight.position) < 15.0
         assert dist((0.0, 0.0, 0.0), flight.px4.truth.velocity_ned_m_s) < 0.3
         assert flight.state is State.TRACKING
+
+    fly(scenario)
+
+
+@pytest.mark.parametrize("then", ["goes on", "is canceled", "is replaced", "is replaced by a path"])
+def test_a_trajectory_task_that_comes_back_goes_on_from_where_the_vehicle_was_braked(then: str) -> None:
+    async def scenario(flight: Flight) -> None:
+        await _under_way(flight)
+        task = flight.vehicle.trajectory
+        first, tick = task.goal_id, task.tick
+        task.tick = lambda _now_s: None  # type: ignore[method-assign]
+        await flight.until(lambda since_s=flight.now_s: flight.now_s - since_s > 2.5)  # type: ignore[misc]
+        seen = len(flight.records)
+        if then == "is canceled":
+            task.cancel()
+        elif then == "is replaced":
+            await flight.submit(waypoint={"position": [5.0, 5.0, -5.0]})
+        elif then == "is replaced by a path":
+            places = [{"position": [5.0, north, -5.0]} for north in (0.0, 5.0)]
+            await flight.submit(path={"waypoints": places, "through": "fly_by"})
+        task.tick = tick  # type: ignore[method-assign]
+        await flight.until(lambda since_s=flight.now_s: flight.now_s - since_s > 20.0)  # type: ignore[misc]
+        flown = [record.reference for record in flight.records[seen:] if record.reference is not None]
+        for one, two in pairwise(flown):
+            assert dist(one.position_ned_m, two.position_ned_m) < 0.06, "5 m/s at most"
+            assert dist(one.velocity_ned_m_s, two.velocity_ned_m_s) < 0.04, "3.6 m/s^2 at most"
+        outcome = {"goes on": "aborted", "is canceled": "canceled"}.get(then, "preempted")
+        ended = [(entry.outcome, entry.reason) for entry in flight.ended if entry.goal_id == first]
+        assert ended == [(outcome, "not_followed" if then == "goes on" else None)]
+        if then.startswith("is replaced"):
+            assert flight.ended[-1].outcome == "succeeded"
+        assert flight.state is State.HOLDING
 
     fly(scenario)
 
