@@ -55,7 +55,9 @@ class MinimumSnapPlan(Plan):
 
     def sample(self, time_s: float) -> Reference:
         """The spline at a time."""
-        return self._samples(np.array([time_s]))[0]
+        if time_s >= self._end_s:
+            return replace(self._target, time_s=time_s)
+        return Reference(time_s, *self._spline.at(max(0.0, time_s - self.start_s)), self._start.yaw_rad)
 
     def window(self, from_s: float, count: int = WINDOW_COUNT) -> tuple[Reference, ...]:
         """The window at once, ten times as fast as by samples."""

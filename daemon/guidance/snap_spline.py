@@ -5,13 +5,18 @@ segment's own time from 0 to 1. The derivatives at the inner places are those fo
 derivative go through them without a step (Mellinger and Kumar 2011, as a spline); three unknowns a place.
 """
 
+from bisect import bisect_right
 from math import factorial, perm
 
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import solve_banded
 
+from daemon.frames import scale
+from daemon.messages import Vec3
+
 Array = npt.NDArray[np.float64]
+_Floats = tuple[list[float], list[float], list[list[list[float]]]]  # begins, durations, coefficients of each axis
 
 _ORDER = 8  # coefficients of a segment
 _HALF = 4  # derivatives given at an end, the position included
@@ -29,6 +34,7 @@ class SnapSpline:
         self._begins_s = times_s[:-1]
         self._durations_s = np.diff(times_s)
         self._coefficients = coefficients
+        self._floats: _Floats | None = None
 
     def __call__(self, times_s: Array, order: int = 0) -> Array:
         """The spline's derivative of an order (0 to 7) at times."""
@@ -38,6 +44,30 @@ class SnapSpline:
         powers = _FACTORS[order, order:] * share[..., None] ** _POWERS[: _ORDER - order]
         values = np.einsum("...k,...kd->...d", powers, self._coefficients[segment, order:])
         return np.asarray(values / duration[..., None] ** order, dtype=np.float64)
+
+    def at(self, time_s: float) -> tuple[Vec3, Vec3, Vec3, Vec3]:
+        """Place, velocity, acceleration and jerk at one time, without numpy, which takes ten times as long for it."""
+        if self._floats is None:
+            axes = self._coefficients.transpose(0, 2, 1)[..., ::-1].tolist()
+            self._floats = self._begins_s.tolist(), self._durations_s.tolist(), axes
+        begins_s, durations_s, axes = self._floats
+        segment = max(0, bisect_right(begins_s, time_s) - 1)
+        duration = durations_s[segment]
+        share = (time_s - begins_s[segment]) / duration
+        rows = [_horner(axis, share) for axis in axes[segment]]
+        p, v, a, j = zip(*rows, strict=True)
+        return p, scale(v, 1.0 / duration), scale(a, 2.0 / duration**2), scale(j, 6.0 / duration**3)
+
+
+def _horner(coefficients: list[float], share: float) -> tuple[float, float, float, float]:
+    """A polynomial whose highest coefficient comes first, and its Taylor coefficients up to the third."""
+    p = v = a = j = 0.0
+    for c in coefficients:
+        j = j * share + a
+        a = a * share + v
+        v = v * share + p
+        p = p * share + c
+    return p, v, a, j
 
 
 def interpolated(times_s: Array, places: Array, first: Array, last: Array) -> SnapSpline:
