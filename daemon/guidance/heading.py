@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import atan2, floor, hypot, radians
 
 from daemon.frames import wrap_pi
@@ -75,6 +76,7 @@ def along_velocity(reference: Reference) -> float | None:
     return atan2(vy, vx) if hypot(vx, vy) > DEAD_BAND_M_S else None
 
 
+@lru_cache(maxsize=16)
 def turn_s(
     turn_rad: float,
     rate_rad_s: float,

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from math import ceil, copysign, cos, hypot, pi, sin, sqrt
 
 from daemon.frames import add, cross, norm, scale, subtract
@@ -74,6 +75,7 @@ class Lemniscate:
 Shape = Circle | Lemniscate
 
 
+@lru_cache(maxsize=16)
 def plane_of(axis_ned: Vec3) -> tuple[Vec3, Vec3]:
     """Two unit vectors that span the plane across an axis: north as seen in the plane, and the one clockwise of it.
 
