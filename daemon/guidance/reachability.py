@@ -190,14 +190,14 @@ def _shape(goal: ShapeGoal, start: Reference, reach: Reach) -> Iterator[Refusal]
 def _shape_at(goal: ShapeGoal, phase_rad: float, field: str, reach: Reach) -> Iterator[Refusal]:
     """A shape at one phase: inside the fence, and within the limits at the rate wanted."""
     position, first, second, third = goal.shape.at(phase_rad)
-    rate = goal.rate_rad_s
+    rate = goal.rate_rad_s  # multiplied, not raised to a power: that raises where it is too large for a number
     found = reach.fence(position)
     if found is not None:
         yield Refusal(f"trajectory.center[{found[0]}]", f"on the way round: {found[1]}")
-    excess = motion_excess(scale(first, rate), scale(second, rate**2), reach.limits)
+    excess = motion_excess(scale(first, rate), scale(second, rate * rate), reach.limits)
     if excess is not None:
         yield Refusal(field, f"on this shape {excess[1]}")
-    yield from _jerk(scale(third, rate**3), field, "on this shape ", reach)
+    yield from _jerk(scale(third, rate * rate * rate), field, "on this shape ", reach)
 
 
 def _turning(goal: ShapeGoal, field: str, reach: Reach) -> Iterator[Refusal]:

@@ -22,7 +22,7 @@ from daemon.guidance.limits import MotionLimits
 from daemon.guidance.parameters import GuidanceParameters, Profile
 from daemon.guidance.planner import plan
 from daemon.guidance.reachability import Reach, path_refusal, refusal
-from daemon.guidance.shapes import Circle, Lemniscate
+from daemon.guidance.shapes import Circle, Lemniscate, Shape
 from daemon.messages import ZERO3, Reference, Vec3
 
 START = Reference(time_s=0.0, position_ned_m=(0.0, 0.0, -10.0))
@@ -34,6 +34,8 @@ def fence(position: Vec3) -> tuple[int, str] | None:
     return (0, f"{position[0]:g} m is beyond 60 m") if abs(position[0]) > 60.0 else None
 
 
+CIRCLE_5 = Circle(center_ned_m=(0.0, 0.0, -10.0), radius_m=5.0)
+EIGHT_5 = Lemniscate(center_ned_m=(0.0, 0.0, -10.0), size_m=(5.0, 3.0))
 REACH = Reach(limits=MotionLimits(), fence=fence, max_distance_m=300.0)
 
 
@@ -241,3 +243,11 @@ def test_a_heading_that_turns_nowhere_on_a_shape_is_refused(goal: ShapeGoal) -> 
 def test_no_speed_is_advised_at_which_the_heading_is_not_followed() -> None:
     found = refusal(circle(shape={"radius_m": 0.3}, speed_m_s=0.6, heading=VelocityHeading()), START, REACH)
     assert found is not None and "none does: below 0.5 m/s" in found.reason
+
+
+@pytest.mark.parametrize("shape", [CIRCLE_5, EIGHT_5], ids=["circle", "lemniscate"])
+@pytest.mark.parametrize(("how", "value"), [("speed_m_s", 1e160), ("speed_m_s", 1e308), ("period_s", 1e-300)])
+def test_a_rate_whose_square_is_no_number_is_refused_in_words(shape: Shape, how: str, value: float) -> None:
+    found = refusal(ShapeGoal(shape=shape, **{how: value}), START, REACH)  # type: ignore[arg-type]
+    assert found is not None
+    assert found.field == f"trajectory.{how}"
