@@ -83,7 +83,11 @@ def slow_down(plan: Plan, from_s: float, limits: MotionLimits) -> SlowedPlan:
     start = path.sample(from_s)
     speed, allowed = norm(start.velocity_ned_m_s), _SLACK * max(1.0, share(start))
     least_m_s2 = min(limits.acceleration_m_s2, limits.vertical_acceleration_m_s2)
-    slowing_s = max(2.0 * speed / least_m_s2, sqrt(12.0 * speed / limits.jerk_m_s3), 0.1)
+    ahead_s = speed / least_m_s2  # of the plan's own time, with the least bound in each direction
+    ahead = [path.sample(from_s + ahead_s * i / _LOOKS).velocity_ned_m_s for i in range(_LOOKS + 1)]
+    across_s = max(hypot(vx, vy) for vx, vy, _ in ahead) / limits.acceleration_m_s2
+    down_s = max(abs(vz) for _, _, vz in ahead) / limits.vertical_acceleration_m_s2
+    slowing_s = max(2.0 * min(ahead_s, max(across_s, down_s)), sqrt(12.0 * speed / limits.jerk_m_s3), 0.1)
     for _ in range(_LENGTHENINGS):
         slowed = SlowedPlan(path, from_s, slowing_s, most_m_s2)
         if all(share(slowed.sample(from_s + slowing_s * i / _LOOKS)) <= allowed for i in range(1, _LOOKS)):

@@ -82,3 +82,9 @@ def test_it_is_held_against_the_fence_without_stepping_far_ahead(kind: str) -> N
     assert dist(foreseen.position_ned_m, rests.position_ned_m) < 0.5
     assert foreseen.yaw_rad == pytest.approx(rests.yaw_rad, abs=0.01)
     assert slowed.target.position_ned_m == rests.position_ned_m
+
+
+def test_a_level_plan_is_slowed_down_whatever_the_vertical_bound() -> None:
+    flown = plan(Reference(0.0, (26.0, 0.0, -5.0)), GOAL, LIMITS, GuidanceParameters())
+    gentle = replace(LIMITS, vertical_acceleration_m_s2=0.1)
+    assert slow_down(flown, FROM_S, gentle).end_s == slow_down(flown, FROM_S, LIMITS).end_s
