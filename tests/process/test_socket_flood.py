@@ -155,6 +155,7 @@ async def fly_flooded(tmp_path: Path) -> None:
     sim = await start(tmp_path, "sim", "sim", "--port", str(port))
     async with running(sim), metered_daemon(tmp_path, port) as daemon, FlightClient(daemon.socket) as flight:
         await until(flight, lambda status: status["state"] == "standby" and status["vehicle"] is not None)
+        await asyncio.sleep(1.0)  # its global position comes in a message of its own
         await flight.takeoff(5.0)
         goal = await flight.fly(FLOWN)
         await asyncio.sleep(2.0)
